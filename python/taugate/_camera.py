@@ -20,7 +20,7 @@ class Camera:
 
     ``resolution`` is (width, height) of the whole image. ``fov`` is the vertical field of view in degrees; an orthographic camera has the
     ``height`` of its view in metres instead. ``principal_point`` is where the optical axis meets the image, as fractions of width and
-    height from the top left corner. ``crop`` (x0, x1, y0, y1) is the part that was rendered; ``None``: all.
+    height from the top left corner. ``crop`` (x0, x1, y0, y1) is the part that is rendered; ``None``: all.
     """
 
     world_from_camera: np.ndarray
@@ -140,6 +140,8 @@ class Camera:
         """The camera as settings of a render."""
         eye, forward, down = (self.world_from_camera[:3, k] for k in (3, 2, 1))
         view = {"fov": self.fov} if self.height is None else {"ortho": self.height}
+        if self.crop and tuple(self.crop) != (0, self.resolution[0], 0, self.resolution[1]):
+            view["crop"] = tuple(self.crop)
         return {
             "look_from": tuple(eye),
             "look_at": tuple(eye + forward),

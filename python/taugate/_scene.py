@@ -1,16 +1,19 @@
 """Scenes: files, and scenes from arrays."""
 
 import copy
+import hashlib
 import json
 import os
+import threading
 import types
+import weakref
 
 import numpy as np
 
 from . import _native
 from ._camera import Camera
 from ._errors import SettingsError
-from ._material import Material
+from ._material import TEXTURES, Material
 from ._texture import Texture, color_bytes, surface_bytes
 from ._words import words
 
@@ -24,14 +27,16 @@ MAX_ROUNDING = 1e-5
 class Scene:
     """A scene from arrays; :func:`load` reads one from a file.
 
-    Keyword arguments are settings of all renders of the scene. Lengths are in metres. ``density_grid`` may be an array (Z, Y, X) of densities,
-    here and in :func:`render`. A scene can be pickled: it remembers its file, or its arrays.
+    Keyword arguments are settings of all renders of the scene. They override those of its cameras, such as ``resolution`` and ``fov``; a render
+    overrides both. Lengths are in metres. ``density_grid`` may be an array (Z, Y, X) of densities, here and in :func:`render`. A scene can be
+    pickled: it remembers its file, or its arrays. Arrays are copied when they are added.
 
     Renders of a scene share the device and the kernels. They also share the prepared meshes, as long as only cameras, lights, gates, the seed
     and the instances with ``moves=True`` change.
     """
 
     def __init__(self, **settings):
+        self._forget_natives()
         self.path = None
         self.moves = ()
         self.settings = settings
@@ -61,7 +66,7 @@ class Scene:
     def add_material(self, name, material):
         """Adds or replaces a :class:`Material`."""
         self._of_arrays()
-        self._materials[name] = material
+        self._materials[name] = self._own(material)
         self._changed()
 
     def add_mesh(self, name, vertices, triangles, material=None, *, transform=None, normals=None, uvs=None, moves=False):
@@ -85,7 +90,7 @@ class Scene:
             "normals": None if normals is None else _array(normals, np.float32, 2, "normals"),
             "uvs": None if uvs is None else _array(uvs, np.float32, 2, "uvs"),
             # The name of a material, or the mesh's own material.
-            "material": material or Material.diffuse(),
+            "material": self._own(material) if material else Material.diffuse(),
         }
         self._changed()
         self.add_instance(name, name, transform, moves=moves)
@@ -182,6 +187,29 @@ class Scene:
         self._words = None
         self._stale = True
 
+    def _forget_natives(self):
+        """What a copy or a pickle of the scene does not share."""
+        #: Two threads may use a scene that is not prepared yet.
+        self._lock = threading.RLock()
+        self._native = self._words = None
+        self._stale = True
+        #: Texels of materials by their contents, so that materials share equal images.
+        self._texels = weakref.WeakValueDictionary()
+
+    def _own(self, material):
+        """A copy of the material, which changes of the caller's arrays do not reach."""
+        if isinstance(material, str):
+            return material
+        copies = {}
+        for field in TEXTURES:
+            texture = getattr(material, field, None)
+            texels = texture.texels if isinstance(texture, Texture) else texture
+            if isinstance(texels, np.ndarray):
+                key = hashlib.sha256(repr((texels.shape, texels.dtype.str)).encode() + np.ascontiguousarray(texels).tobytes()).digest()
+                # The keys of deepcopy's memo are identities.
+                copies[id(texels)] = self._texels.setdefault(key, texels.copy())
+        return copy.deepcopy(material, copies)
+
     def _job(self, settings, call):
         """The native scene, and the flags of a render with these settings."""
         return self._built(), words(self._with_camera(settings), call)
@@ -189,33 +217,61 @@ class Scene:
     def _with_camera(self, settings):
         settings = dict(settings)
         camera = settings.get("camera")
+        # The settings that override those of the camera: of the call, and of the scene if the camera belongs to the scene.
+        given = {key: value for key, value in settings.items() if key != "camera" and value is not None}
+        overriding = {**{key: value for key, value in self._settings.items() if key != "camera" and value is not None}, **given}
+        if camera is None and not any(key in given for key in PLACING):
+            camera = self._camera_of_settings()
         if isinstance(camera, str) and camera in self.cameras:
             camera = self.cameras[camera]
-        elif camera is None and self.cameras and not any(settings.get(key) is not None for key in PLACING):
+            # This camera was chosen, so another place in the settings of the scene does not count.
+            overriding = {key: value for key, value in overriding.items() if key in given or key not in PLACING}
+        elif camera is None and self.cameras and not any(key in overriding for key in PLACING):
             camera = next(iter(self.cameras.values()))
+        elif isinstance(camera, Camera):
+            overriding = given
         if isinstance(camera, Camera):
-            given = {key: value for key, value in settings.items() if key != "camera" and value is not None}
             of_camera = camera._settings()
-            if "fov" in given or "ortho" in given:
-                # A camera has one of the two, and the call decides.
+            if "fov" in overriding or "ortho" in overriding:
+                # A camera has one of the two.
                 of_camera.pop("fov", None)
                 of_camera.pop("ortho", None)
-            settings = {**of_camera, **given}
+            if "resolution" in overriding:
+                # The crop is a part of the camera's own image.
+                of_camera.pop("crop", None)
+            settings = {**{key: value for key, value in of_camera.items() if key not in overriding}, **given}
+        elif camera is not None:
+            settings["camera"] = camera
         return settings
 
+    def _camera_of_settings(self):
+        """The camera that the settings of the scene choose, if the native scene does not know it."""
+        name = self._settings.get("camera")
+        return name if isinstance(name, str) and (name in self.cameras or self.path is None and name != "auto") else None
+
     def _built(self):
+        native = self._native
+        if native is not None:
+            # A progress function must not wait for a thread that waits for the end of the render.
+            native.check_idle()
+        with self._lock:
+            return self._built_alone()
+
+    def _built_alone(self):
         if self.path is not None:
             if self._native is None:
-                self._words = words(self._settings, "load")
-                self._native = _native.NativeScene.load(self.path, self._words, list(self.moves))
+                self._words = self._own_words("load")
+                native = _native.NativeScene.load(self.path, self._words, list(self.moves))
                 for name, matrix in self._moved.items():
-                    self._native.set_transform(name, matrix.tolist())
+                    native.set_transform(name, matrix.tolist())
+                self._native = native
             return self._native
-        if self._native is None:
-            self._native = self._from_arrays()
+        native = self._native
+        if native is None:
+            self._native = native = self._from_arrays()
         if self._stale:
             meshes = list(self._meshes)
-            self._native.place({
+            native.place({
                 "instances": [
                     (name, meshes.index(mesh), (matrix @ _translation(self._meshes[mesh]["centre"])).tolist())
                     for name, (mesh, matrix, _) in self._instances.items()
@@ -224,7 +280,11 @@ class Scene:
                 "moves": [name for name, (_, _, moves) in self._instances.items() if moves],
             })
             self._stale = False
-        return self._native
+        return native
+
+    def _own_words(self, call):
+        known = self._camera_of_settings() is None
+        return words({key: value for key, value in self._settings.items() if key != "camera" or known}, call)
 
     def _from_arrays(self):
         textures, images, materials, index_of = [], [], [], {}
@@ -262,21 +322,25 @@ class Scene:
             if mesh["uvs"] is None and material._has_textures():
                 raise SettingsError(f"the material of the mesh '{name}' has a texture, so the mesh needs uvs")
             meshes.append({**mesh, "material": index})
-        self._words = words(self._settings, "Scene")
+        self._words = self._own_words("Scene")
         return _native.NativeScene.from_arrays(json.dumps(materials), json.dumps(textures), images, meshes, self._words)
 
     def __getstate__(self):
-        return {**self.__dict__, "_native": None, "_words": None, "_stale": True}
+        return {key: value for key, value in self.__dict__.items() if key not in ("_lock", "_native", "_words", "_stale", "_texels")}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        self._forget_natives()
 
     def __copy__(self):
         twin = object.__new__(type(self))
         # The objects are shared, but not the dictionaries and lists.
-        twin.__dict__.update({key: copy.copy(value) if isinstance(value, (dict, list)) else value for key, value in self.__getstate__().items()})
+        twin.__setstate__({key: copy.copy(value) if isinstance(value, (dict, list)) else value for key, value in self.__getstate__().items()})
         return twin
 
     def __deepcopy__(self, memo):
-        twin = copy.copy(self)
-        twin.__dict__.update(copy.deepcopy(self.__getstate__(), memo))
+        twin = object.__new__(type(self))
+        twin.__setstate__(copy.deepcopy(self.__getstate__(), memo))
         return twin
 
     def __repr__(self):

@@ -53,6 +53,34 @@ def test_an_off_centre_camera_and_a_crop_keep_their_pixels():
     assert np.allclose(part.camera.points(part.depth), image.camera.points(image.depth)[10:20, 5:30])
 
 
+def test_the_camera_of_a_part_of_an_image_renders_this_part():
+    scene = room()
+    part = taugate.render(scene, spp=1, aov="depth", crop=(5, 30, 10, 20))
+    again = taugate.render(scene, spp=1, aov="depth", camera=part.camera)
+    assert np.allclose(again.depth, part.depth, atol=1e-4) and np.allclose(again.camera.K, part.camera.K)
+    assert taugate.render(scene, spp=1, camera=part.camera, resolution=(16, 8)).pixels.shape == (8, 16, 3)
+
+
+def test_settings_of_a_scene_override_its_cameras():
+    scene = room()
+    front = scene.camera()
+    scene.settings = dict(resolution=(16, 12), fov=20)
+    for camera in (scene.camera(), scene.camera(camera="front")):
+        assert camera.resolution == (16, 12) and np.isclose(camera.fov, 20)
+        assert np.allclose(camera.world_from_camera, front.world_from_camera)
+    camera = scene.camera(resolution=(8, 8), fov=30)
+    assert camera.resolution == (8, 8) and np.isclose(camera.fov, 30)
+    # A camera of the call is used as it is.
+    camera = scene.camera(camera=front)
+    assert camera.resolution == SIZE and np.isclose(camera.fov, 40)
+    scene.settings = dict(look_from=(1, 1, 5))
+    assert np.allclose(scene.camera().world_from_camera[:3, 3], (1, 1, 5))
+    assert np.allclose(scene.camera(camera="front").world_from_camera, front.world_from_camera)
+    scene.add_camera("above", taugate.Camera.look_at((0, 4, 0.1), (0, 0, 0), resolution=SIZE))
+    scene.settings = dict(camera="above")
+    assert np.allclose(scene.camera().world_from_camera[:3, 3], (0, 4, 0.1))
+
+
 def test_a_stereo_pair_has_the_disparity_of_its_baseline():
     scene = room()
     left, right = scene.camera().stereo(0.1)

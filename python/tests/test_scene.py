@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -113,6 +115,36 @@ def test_changes_after_adding_count_or_are_refused():
     assert np.array_equal(taugate.render(file).pixels, moved)
     with pytest.raises(TypeError, match="did you mean spp"):
         scene.settings = dict(sp=3)
+
+
+def test_changes_of_the_callers_texels_do_not_count():
+    texels, scene = np.full((4, 4, 3), 0.8), room(spp=1)
+    paint = taugate.Material.diffuse(texture=taugate.Texture(texels, filter="nearest"))
+    scene.add_material("paint", paint)
+    scene.add_material("same", taugate.Material.diffuse(texture=texels))
+    texels[:] = 0
+    assert (scene._materials["paint"].texture.texels == 0.8).all()
+    assert scene._materials["paint"].texture.texels is scene._materials["same"].texture
+    for twin in (pickle.loads(pickle.dumps(scene)), copy.copy(scene), copy.deepcopy(scene)):
+        assert twin._materials["paint"].texture.texels is twin._materials["same"].texture
+
+
+def test_threads_may_use_a_new_scene():
+    scene, made = room(spp=1), []
+    build = scene._from_arrays
+
+    def slow():
+        made.append(0)
+        time.sleep(0.2)
+        return build()
+
+    scene._from_arrays = slow
+    threads = [threading.Thread(target=scene.info) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(made) == 1
 
 
 def test_fog_and_lights_are_settings():
