@@ -24,6 +24,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sums::check_parts, module)?)?;
     module.add_function(wrap_pyfunction!(sums::accumulate, module)?)?;
     module.add_function(wrap_pyfunction!(sums::developed, module)?)?;
+    module.add_function(wrap_pyfunction!(sums::refuse_black, module)?)?;
+    module.add_function(wrap_pyfunction!(sums::seconds, module)?)?;
     module.add_function(wrap_pyfunction!(sums::part, module)?)?;
     module.add_function(wrap_pyfunction!(sums::samples_before_iteration, module)?)?;
     module.add_function(wrap_pyfunction!(flags::flags, module)?)

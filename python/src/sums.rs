@@ -11,14 +11,16 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::render::schedule::{samples_before, samples_in};
 use taugate::internals::settings::shard::Shard;
-use taugate::internals::settings::{Budget, Settings};
+use taugate::internals::settings::values::Seconds;
+use taugate::internals::settings::{Budget, MAX_SPP, Settings};
 
 use crate::camera::View;
-use crate::engine::lock;
+use crate::engine::{self, lock};
 use crate::errors::{Failure, Result, settings};
 use crate::flags::Words;
 use crate::image::Image;
-use crate::scene::NativeScene;
+use crate::scene::{Job, NativeScene};
+use crate::shared::feasible;
 
 /// The sums of some iterations of a render.
 #[pyclass(frozen, module = "taugate._native")]
@@ -40,6 +42,7 @@ impl Sums {
 
     /// Adds a part of the same render with other iterations.
     fn merge(&self, py: Python<'_>, other: &Sums) -> PyResult<()> {
+        engine::check_process()?;
         if std::ptr::eq(self, other) {
             return Err(settings("sums cannot be merged with themselves").into());
         }
@@ -70,8 +73,9 @@ impl Sums {
 
     /// Root mean square of the standard errors of all pixels and channels, relative to the mean of the image. Infinite with fewer than
     /// two iterations, or if the image is black.
-    fn relative_error(&self, py: Python<'_>) -> f64 {
-        py.detach(|| {
+    fn relative_error(&self, py: Python<'_>) -> PyResult<f64> {
+        engine::check_process()?;
+        Ok(py.detach(|| {
             let sums = lock(&self.0);
             let average = |values: Vec<f32>| values.iter().map(|&x| f64::from(x)).sum::<f64>() / values.len() as f64;
             let (variance, mean) = (average(sums.film.variance_of_mean()), average(sums.film.mean()));
@@ -79,7 +83,13 @@ impl Sums {
                 true => variance.sqrt() / mean,
                 false => f64::INFINITY,
             }
-        })
+        }))
+    }
+
+    /// Whether no pixel has light.
+    fn is_black(&self, py: Python<'_>) -> PyResult<bool> {
+        engine::check_process()?;
+        Ok(py.detach(|| lock(&self.0).film.mean().iter().all(|&x| x == 0.0)))
     }
 }
 
@@ -119,7 +129,8 @@ pub fn check_parts(
 }
 
 /// Renders the iterations `begin` to `end` (not included) of a render. Returns the bytes of a file `.acc`, without the state of
-/// adaptive sampling. `spp` limits the samples per pixel of the whole render. `contents` identifies the scene.
+/// adaptive sampling, and the number of samples that were not finite. `spp` limits the samples per pixel of the whole render.
+/// `contents` identifies the scene.
 #[pyfunction]
 pub fn accumulate<'py>(
     py: Python<'py>,
@@ -129,8 +140,8 @@ pub fn accumulate<'py>(
     begin: u32,
     end: u32,
     spp: Option<u32>,
-) -> PyResult<Bound<'py, PyBytes>> {
-    let bytes = py.detach(|| {
+) -> PyResult<(Bound<'py, PyBytes>, u64)> {
+    let (bytes, dropped) = py.detach(|| {
         scene.with_renderer(&flags, |renderer, settings, printed| {
             let started = std::time::Instant::now();
             for number in begin..end {
@@ -145,21 +156,38 @@ pub fn accumulate<'py>(
             let about = renderer.about(&render, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());
             // Each part adapts by itself, so no other part needs the state of its adaptive sampling.
-            bytes(Parts { about: &about, film, responses, adaptive: None, layers: &Layers::default() })
+            let bytes = bytes(Parts { about: &about, film, responses, adaptive: None, layers: &Layers::default() })?;
+            Ok((bytes, renderer.stats().dropped))
         })
     })?;
-    Ok(PyBytes::new(py, &bytes))
+    Ok((PyBytes::new(py, &bytes), dropped))
 }
 
-/// The image of sums, as if `scene` had been rendered with `flags` here.
+/// Fails like a render of a black image, with advice about the gate, unless such an image is accepted.
 #[pyfunction]
-pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &Sums) -> PyResult<Image> {
+pub fn refuse_black(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>) -> PyResult<()> {
+    let checked = py.detach(|| {
+        let Job { experiment, scene, resolved, .. } = scene.job(&flags)?;
+        if engine::may_be_dark(&experiment, &resolved.settings) {
+            return Ok(());
+        }
+        let device = engine::device(experiment.render.device.as_deref())?;
+        Err(feasible::nothing_inside(&device, &scene, &resolved.settings).into())
+    });
+    checked.map_err(|failure: Failure| failure.into())
+}
+
+/// The image of sums, as if `scene` had been rendered with `flags` here. Its settings name the samples that the sums have. `dropped`
+/// samples were not finite.
+#[pyfunction]
+pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &Sums, dropped: u64) -> PyResult<Image> {
     let image = py.detach(|| {
         let job = scene.job(&flags)?;
         let settings = &job.resolved.settings;
         let mut sums = lock(&sums.0).clone();
         // The workers may have the files elsewhere.
-        let About { settings: printed, files, .. } = about(settings, &job.printed, String::new())?;
+        let printed = with_samples(&job.printed, sums.film.samples())?;
+        let About { settings: printed, files, .. } = about(settings, &printed, String::new())?;
         (sums.about.settings, sums.about.files) = (printed, files);
         Result::Ok(Image {
             sums,
@@ -168,7 +196,7 @@ pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &
             view: View::of(&job.scene, settings)?,
             notes: job.notes,
             warnings: [&job.scene.warnings[..], &job.resolved.warnings].concat(),
-            dropped: 0,
+            dropped,
         })
     });
     Ok(image?)
@@ -191,10 +219,27 @@ pub fn samples_before_iteration(number: u32) -> u64 {
     samples_before(number)
 }
 
+/// The experiment `printed` (TOML) with this number of samples per pixel.
+fn with_samples(printed: &str, samples: u64) -> Result<String> {
+    let mut experiment = parsed(printed)?;
+    (experiment.render.spp, experiment.render.time) = (Some(samples.clamp(1, MAX_SPP.into()) as u32), None);
+    Ok(experiment.to_toml())
+}
+
+fn parsed(printed: &str) -> Result<Experiment> {
+    Experiment::parse(printed).map_err(|e| settings(e.to_string()))
+}
+
+/// Seconds of a duration such as `8h`.
+#[pyfunction]
+pub fn seconds(text: &str) -> PyResult<f64> {
+    let parsed: taugate::internals::error::Result<Seconds> = text.parse();
+    parsed.map(|seconds| seconds.0).map_err(|error| Failure::from(error).into())
+}
+
 /// The description of the sums of a render, before its first iteration. `printed` is the experiment as TOML.
 fn about(settings: &Settings, printed: &str, contents: String) -> Result<About> {
-    let experiment = Experiment::parse(printed).map_err(|e| crate::errors::settings(e.to_string()))?;
-    let experiment = experiment.with_absolute_paths()?;
+    let experiment = parsed(printed)?.with_absolute_paths()?;
     Ok(About::new(settings, experiment.to_toml(), &experiment.input_files(), contents, Shard::ALL))
 }
 

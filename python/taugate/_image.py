@@ -11,9 +11,8 @@ from ._errors import SettingsError
 class _Result:
     """What an image and a histogram have in common. They can be pickled and copied."""
 
-    def __init__(self, native, scene=None):
+    def __init__(self, native):
         self._native = native
-        self.scene = scene
 
     @property
     def samples(self):

@@ -22,8 +22,8 @@ def render(scene, *, progress=None, **settings):
     underscores for dashes; :func:`settings` lists them. Values are text as on the command line, or numbers, tuples and arrays in metres and
     seconds. The same settings give the same bits as the program. ``camera`` may be a :class:`Camera`.
 
-    ``progress``: a function that gets a :class:`Progress` after each iteration, or ``True`` for a progress bar (tqdm, if it is installed). An
-    exception of the function ends the render. An interrupt (Ctrl-C) raises :class:`Interrupted`, whose ``image`` is the image so far.
+    ``progress``: a function that gets a :class:`Progress` after each iteration, or ``True`` for a progress bar (tqdm, if it is installed). A
+    function that is slower than the iterations gets the newest one. An exception of the function ends the render. An interrupt (Ctrl-C) raises :class:`Interrupted`, whose ``image`` is the image so far.
     """
     return _run("render", Image, True, scene, progress, settings)
 
@@ -45,16 +45,20 @@ def _run(call, kind, single, scene, progress, settings):
             image, interrupt = native.render(flags, single, watch)
         except KeyboardInterrupt as interrupt:
             raise Interrupted() from interrupt
-    result = kind(image, scene)
+    result = kind(image)
     for note in result.notes:
         LOG.info(note)
-    for warning in result.warnings:
+    for warning in all_warnings(result):
         warnings.warn(warning, stacklevel=3)
-    if result.dropped:
-        warnings.warn(f"{result.dropped} samples were not finite and count as 0", stacklevel=3)
     if interrupt is not None:
         raise Interrupted(result if result.samples else None) from interrupt
     return result
+
+
+def all_warnings(image):
+    """Sentences about an image: its warnings, and the samples that were not finite."""
+    dropped = [f"{image.dropped} samples were not finite and count as 0"] if image.dropped else []
+    return [*image.warnings, *dropped]
 
 
 def watcher(progress):

@@ -46,9 +46,9 @@ def words(settings, call):
         elif value is False and form == "optional":
             continue
         elif form == "repeated" and _is_list(value) and not all(isinstance(x, numbers.Real) for x in value):
-            pairs.append((flag, [_word(keyword, one) for one in value]))
+            pairs.append((flag, [word(keyword, one) for one in value]))
         else:
-            pairs.append((flag, [_word(keyword, value)]))
+            pairs.append((flag, [word(keyword, value)]))
     return pairs
 
 
@@ -56,7 +56,7 @@ def _is_list(value):
     return isinstance(value, (list, tuple))
 
 
-def _word(keyword, value):
+def word(keyword, value):
     """One value as the command line takes it."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
@@ -65,7 +65,7 @@ def _word(keyword, value):
             return f"{_metres(value[0])}..{_metres(value[1])}"
         if keyword == "gates" and len(value) == 3:
             return f"{_metres(value[0])}..{_metres(value[1])}/{_number(value[2])}"
-        return ("x" if keyword == "resolution" else ",").join(_word("", one) for one in value)
+        return ("x" if keyword == "resolution" else ",").join(word("", one) for one in value)
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, numbers.Real):

@@ -8,24 +8,30 @@ returns sums. The sums of all parts add up to the image that one machine would r
 its machine.
 """
 
+import contextlib
 import copy
+import functools
 import hashlib
+import numbers
 import os
 import pickle
 import shutil
+import socket
 import tempfile
 import threading
 import time as clock
 import uuid
+import warnings
 import weakref
 
 import numpy as np
 
 from . import _native
-from ._errors import Error, Interrupted, SettingsError
+from ._errors import Error, FileError, Interrupted, SceneError, SettingsError
 from ._image import Histogram, Image
-from ._render import Progress, watcher
+from ._render import Progress, all_warnings, watcher
 from ._scene import Scene, load
+from ._words import word
 
 #: Samples per pixel of the first parts, which show how long a sample takes.
 FIRST_SAMPLES = 4
@@ -33,8 +39,20 @@ FIRST_SAMPLES = 4
 AHEAD = 2
 #: How often Dask repeats a part that failed.
 RETRIES = 3
+#: Exceptions that a repetition would raise again.
+LASTING = (SettingsError, SceneError, TypeError)
+#: The error of an image with fewer iterations is not tested: its estimate is too rough.
+MIN_ITERATIONS = 16
+#: Number of parts after which a black image ends a render that only an error could end.
+BLACK_PARTS = 16
+#: Seconds between two looks for finished parts.
+PATIENCE = 0.02
+#: Age in seconds of a file without its end at which its writer is no longer at work.
+ABANDONED = 3600
 #: Endings of the files by which a data set knows the jobs that are finished.
 ENDINGS = (".npy", ".exr")
+#: Ending of a file that is being written.
+PARTIAL = ".taugate-partial"
 #: Number of scenes that a worker keeps, and that a client keeps on its workers.
 KEPT = 4
 
@@ -62,29 +80,34 @@ def render(
     name on all machines.
 
     The render ends after ``spp`` samples per pixel, after ``time`` seconds, or when the relative error of the image is at most ``error``,
-    whichever comes first. If none of the three is given, the settings of the scene decide, by default 64 samples. The relative error is the root
-    mean square of the standard errors of all pixels, divided by the mean of the image.
+    whichever comes first. If none of the three is given, the settings of the scene decide, by default 64 samples. ``time`` may be a text such as
+    ``"8h"``, and ``error`` one such as ``"1%"``. The relative error is the root mean square of the standard errors of all pixels, divided by the
+    mean of the image. For a histogram it is the error of the sum of its gates; single gates have larger errors. It counts from the 16th iteration
+    on, and one more part must confirm it.
 
     A part takes about ``part_seconds``. After each one, ``on_update`` gets the image so far, and ``progress`` a :class:`Progress`. Further keyword
     arguments are settings, as for :func:`taugate.render`. An interrupt raises :class:`Interrupted`, whose ``image`` is the image so far.
 
-    If a worker is lost, another one renders its parts. A part that fails four times is left out; if all parts of the first round fail, the
-    render fails with the last exception. The sums are added in the order of the
-    iterations, so the image does not depend on which machine was fast. With ``spp`` and ``sampling="uniform"`` it is the image of
-    :func:`taugate.render`. With adaptive sampling each part adapts by itself.
+    If a worker is lost, another one renders its parts. A part that fails four times is left out with a warning. If as many parts fail one after
+    the other as run or wait at a time, the render ends: with the image so far and a warning, or with the last exception if there is no image. The
+    sums are added in the order of the iterations, so the image does not depend on which machine was fast. After ``time``, the finished parts
+    behind a slow one are added without it. With ``spp`` and ``sampling="uniform"`` it is the image of :func:`taugate.render`. With adaptive
+    sampling each part adapts by itself.
 
-    ``image.save("x.acc")`` writes the sums, which ``taugate develop``, ``merge`` and ``render --resume`` read. A scan, auxiliary layers (``aov``)
-    and ``strict`` are refused.
+    ``image.save("x.acc")`` writes the sums, which ``taugate develop`` and ``merge`` read. If the scene is a file, ``render --resume`` goes on. A
+    scan, auxiliary layers (``aov``) and ``strict`` are refused.
     """
     job = _Job(scene, settings, spp)
     fingerprint, of_scene, seconds = _native.check_parts(job.native, job.flags)
     job.contents = fingerprint or job.key
-    if (spp, time, error) == (None, None, None):
+    time, error = _seconds(time), _share(error)
+    if (job.spp, time, error) == (None, None, None):
         job.spp, time = of_scene, seconds
     with watcher(progress) as watch:
         run = _Run(job, client, time, error, float(part_seconds), on_update, watch)
         try:
             run.until_the_end()
+            run.refuse_black()
         except KeyboardInterrupt as interrupt:
             raise Interrupted(run.image()) from interrupt
         finally:
@@ -92,7 +115,30 @@ def render(
     image = run.image()
     if image is None:
         raise Error(f"no part of the render succeeded; the last one failed with: {run.failure}")
+    for warning in [*all_warnings(image), *run.warnings()]:
+        warnings.warn(warning, stacklevel=2)
     return image
+
+
+def _seconds(time):
+    """A time as :func:`taugate.render` takes it, in seconds."""
+    if time is None:
+        return None
+    return _native.seconds(word("time", time))
+
+
+def _share(error):
+    """A relative error: a number, or a text such as 1%."""
+    if error is None:
+        return None
+    try:
+        is_percentage = isinstance(error, str) and error.strip().endswith("%")
+        share = float(error.strip()[:-1]) / 100 if is_percentage else float(error)
+    except (TypeError, ValueError):
+        share = np.nan
+    if not 0 < share < np.inf:
+        raise SettingsError(f"error is {error!r}, but must be a number above 0, such as 0.01, or '1%'")
+    return share
 
 
 def dataset(jobs, *, client, folder, suffix=".npy"):
@@ -101,8 +147,9 @@ def dataset(jobs, *, client, folder, suffix=".npy"):
     ``jobs`` is an iterable of ``(name, scene, settings)``, which may be endless or made while the renders run; ``settings`` is a dictionary with
     the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. Each job writes ``folder/name.npy`` with the
     files beside it, and an image also ``name.exr``. ``suffix`` is the ending of the file that is yielded: ``.npy``, or ``.exr`` if all results
-    are images. If this file is there already, it is kept, so a data set can be continued: give equal names to equal jobs only. A job that
-    fails four times is left out, and so is a histogram if ``suffix`` is ``.exr``. After all jobs, the first exception is raised.
+    are images. If this file is there already, it is kept, so a data set can be continued: give equal names to equal jobs only. A job with a
+    mistake, or one that fails four times, is left out, and so is a histogram if ``suffix`` is ``.exr``. After all jobs, the first exception is
+    raised.
     """
     if suffix not in ENDINGS:
         raise SettingsError(f"suffix is {suffix!r}, but must be {' or '.join(map(repr, ENDINGS))}")
@@ -113,6 +160,7 @@ def _dataset(jobs, client, folder, suffix):
     from distributed import as_completed
 
     os.makedirs(folder, exist_ok=True)
+    _remove_abandoned(folder)
     jobs, running, failures = iter(jobs), as_completed(), []
     while True:
         while running.count() < AHEAD * max(_threads(client), 1):
@@ -124,9 +172,19 @@ def _dataset(jobs, client, folder, suffix):
             if os.path.exists(path):
                 yield path
                 continue
-            job = _Job(scene, settings, None)
+            try:
+                job = _Job(scene, settings, None)
+            except Exception as failure:  # of the job, whatever it is
+                failures.append(failure)
+                continue
             future = client.submit(
-                _render_whole, job.key, _sent(client, job), settings, key=f"taugate-image-{name}-{uuid.uuid4().hex[:8]}", retries=RETRIES
+                _render_whole,
+                job.key,
+                _sent(client, job),
+                job.files,
+                settings,
+                key=f"taugate-image-{name}-{uuid.uuid4().hex[:8]}",
+                retries=RETRIES,
             )
             future.taugate_path = path
             running.add(future)
@@ -134,7 +192,7 @@ def _dataset(jobs, client, folder, suffix):
             break
         future = next(running)
         try:
-            files = future.result()
+            files, found = _checked(future.result())
         except Exception as failure:  # of the job, whatever it is
             failures.append(failure)
             continue
@@ -142,6 +200,8 @@ def _dataset(jobs, client, folder, suffix):
             name = os.path.basename(future.taugate_path)
             failures.append(SettingsError(f"{name} was not written, because a histogram has no {suffix}; use suffix='.npy'"))
             continue
+        for warning in found:
+            warnings.warn(f"{os.path.basename(future.taugate_path)}: {warning}", stacklevel=2)
         # The file that shows that the job is finished comes last.
         for ending, contents in sorted(files.items(), key=lambda file: file[0] == suffix):
             _write(os.path.splitext(future.taugate_path)[0] + ending, contents)
@@ -160,6 +220,8 @@ class _Job:
             # The array goes to each worker once, with the scene, and not with each part.
             self.scene = copy.copy(self.scene)
             self.scene.settings = {**self.scene.settings, "density_grid": self.settings.pop("density_grid").copy()}
+        if spp is not None and (not isinstance(spp, numbers.Integral) or spp < 1):
+            raise SettingsError(f"spp is {spp!r}, but must be a whole number above 0")
         self.spp = spp
         self.native, self.flags = self.scene._job(self.settings, "farm.render")
         path = self.scene.path
@@ -168,7 +230,12 @@ class _Job:
             with open(path, "rb") as file:
                 contents = file.read()
         self.payload = pickle.dumps((self.scene, contents))
-        self.key = hashlib.sha256(self.payload).hexdigest()
+        #: Fingerprint of the files of the scene and the settings. A worker whose files differ fails.
+        self.files = self.native.files(self.flags)
+        # A worker reads a scene anew if its files have changed.
+        contents = hashlib.sha256(self.payload)
+        contents.update((self.files or "").encode())
+        self.key = contents.hexdigest()
         #: What identifies the scene in the sums.
         self.contents = self.key
 
@@ -190,44 +257,61 @@ class _Run:
         self.next, self.wanted = 0, 0
         #: Finished parts that wait for an earlier part, by their first iteration. Their results stay on the workers.
         self.waiting = {}
-        #: Sums of the parts that succeeded, the last exception of a part, and how many parts failed.
-        self.sums, self.failure, self.failed = None, None, 0
+        #: Sums of the parts that succeeded, and their samples that were not finite.
+        self.sums, self.dropped = None, 0
+        #: The last exception of a part, how many parts failed, and how many since the last one that succeeded.
+        self.failure, self.failed, self.failed_together = None, 0, 0
         self.samples, self.seconds = 0, 0.0
+        #: Parts that were added, and how many of the last ones had an error that is small enough.
+        self.added, self.confirmed = 0, 0
         self.futures = set()
 
     def until_the_end(self):
         self._submit()
         while self.parts.count():
-            future = next(self.parts)
-            self.waiting[future.taugate_range[0]] = future
-            self._add_in_order()
+            # After the time, a render without an image still waits for the parts that run.
+            while not self.parts.has_ready() and not (self._is_late() and (self.sums is not None or self.waiting)):
+                clock.sleep(PATIENCE)
+            while self.parts.has_ready():
+                future = next(self.parts)
+                self.waiting[future.taugate_range[0]] = future
+            if self._is_late():
+                for begin in sorted(self.waiting):
+                    self._add(self.waiting.pop(begin))
+            while self.wanted in self.waiting and not self._is_over():
+                self.wanted = self._add(self.waiting.pop(self.wanted))
             if self._is_over():
                 return
-            # After the time, a render without an image still waits for the parts that run.
             if not self._is_late():
                 self._submit()
 
-    def _add_in_order(self):
-        """Adds the finished parts in order, up to the first part that is not finished."""
-        while self.wanted in self.waiting:
-            future = self.waiting.pop(self.wanted)
-            self.wanted = future.taugate_range[1]
-            self.futures.discard(future)
-            try:
-                part = _native.Sums.from_bytes(future.result())
-            except (SettingsError, TypeError):
-                raise
-            except Exception as failure:  # of the worker, whatever it is
-                self.failure = failure
-                self.failed += 1
-                continue
-            self.samples += part.samples
-            self.seconds += part.seconds
+    def _add(self, future):
+        """Adds a finished part. Returns the first iteration after it."""
+        self.futures.discard(future)
+        try:
+            contents, dropped = _checked(future.result())
+            part = _native.Sums.from_bytes(contents)
             if self.sums is None:
                 self.sums = part
             else:
                 self.sums.merge(part)
-            self._show()
+        except Exception as failure:  # of the worker, whatever it is
+            if self.sums is None and isinstance(failure, LASTING):
+                raise
+            self.failure = failure
+            self.failed += 1
+            self.failed_together += 1
+            return future.taugate_range[1]
+        self.failed_together = 0
+        self.added += 1
+        self.dropped += dropped
+        self.samples += part.samples
+        self.seconds += part.seconds
+        if self.error is not None:
+            is_small = self.sums.iterations >= MIN_ITERATIONS and self.sums.relative_error() <= self.error
+            self.confirmed = self.confirmed + 1 if is_small else 0
+        self._show()
+        return future.taugate_range[1]
 
     def _show(self):
         if self.on_update is not None:
@@ -249,10 +333,28 @@ class _Run:
         return self.time is not None and clock.monotonic() - self.started >= self.time
 
     def _is_over(self):
+        # If a whole round fails, so will all parts.
+        if self.failed_together >= self._round():
+            return True
         if self.sums is None:
-            # If a whole round fails, so will all parts.
-            return self.failed >= self._round()
-        return self._is_late() or (self.error is not None and self.sums.relative_error() <= self.error)
+            return False
+        # An error of a black image is never small.
+        only_error = self.error is not None and self.job.spp is None and self.time is None
+        is_black = only_error and self.added >= BLACK_PARTS and self.sums.is_black()
+        return self._is_late() or self.confirmed > 1 or is_black
+
+    def refuse_black(self):
+        """Raises the exception of :func:`taugate.render` about a black image. A worker makes it, because its advice needs a device."""
+        if self.sums is not None and self.sums.is_black():
+            key = f"taugate-black-{self.name}"
+            future = self.client.submit(_refuse_black, self.job.key, self.scene, self.job.settings, key=key, retries=RETRIES)
+            _checked(future.result())
+
+    def warnings(self):
+        """Sentences about the parts that are missing."""
+        if not self.failed:
+            return []
+        return [f"{self.failed} parts of the render failed and were left out; the last one failed with: {self.failure}"]
 
     def _round(self):
         """The most parts that run or wait at a time."""
@@ -273,6 +375,7 @@ class _Run:
                 _accumulate,
                 self.job.key,
                 self.scene,
+                self.job.files,
                 self.job.settings,
                 self.job.contents,
                 begin,
@@ -289,8 +392,8 @@ class _Run:
         """The image so far; ``None`` before the first part."""
         if self.sums is None:
             return None
-        native = _native.developed(self.job.native, self.job.flags, self.sums)
-        return (Image if len(native.gates) == 1 else Histogram)(native, self.job.scene)
+        native = _native.developed(self.job.native, self.job.flags, self.sums, self.dropped)
+        return (Image if len(native.gates) == 1 else Histogram)(native)
 
     def cancel(self):
         """Cancels the parts that were not added."""
@@ -302,7 +405,9 @@ class _Run:
 def _sent(client, job):
     """The scene of a job on the workers, where it stays for the next renders."""
     sent = _on_workers.setdefault(client, {})
-    if job.key not in sent:
+    if job.key not in sent or sent[job.key].status not in ("pending", "finished"):
+        # After a restart of the scheduler, the scene is no longer there.
+        sent.pop(job.key, None)
         while len(sent) >= KEPT:
             del sent[next(iter(sent))]
         # A task instead of scatter: if a worker is lost with the result, Dask repeats the task. Scattered data would be lost.
@@ -318,7 +423,7 @@ def _threads(client):
 
 
 def _scene(key, payload):
-    """The scene of these bytes, which a worker unpacks once."""
+    """The scene of these bytes, which a worker unpacks once. Only the scene that was asked for last keeps its renderer."""
     with _lock:
         if key not in _scenes:
             scene, contents = pickle.loads(payload)
@@ -331,22 +436,70 @@ def _scene(key, payload):
             while len(_scenes) >= KEPT:
                 del _scenes[next(iter(_scenes))]
             _scenes[key] = scene
+        for other, scene in _scenes.items():
+            if other != key and scene._native is not None:
+                scene._native.release()
         return _scenes[key]
 
 
-def _accumulate(key, payload, settings, contents, begin, end, spp):
-    """The sums of a part, as bytes."""
+def _job(key, payload, files, settings):
+    """The scene, its native part and the flags of a render. Fails if the files of this machine are not those of the client."""
     scene = _scene(key, payload)
     native, flags = scene._job(settings, "farm.render")
+    if native.files(flags) != files:
+        # Another try reads the files again.
+        with _lock:
+            _scenes.pop(key, None)
+        machine = socket.gethostname()
+        raise FileError(f"on {machine}, the scene or a file that its settings name has other contents than where the render was started")
+    return scene, native, flags
+
+
+def _lasting_failure_is_result(task):
+    """Returns an exception that a repetition would raise again as the result, so that Dask does not repeat the task. See `_checked`."""
+
+    @functools.wraps(task)
+    def run(*arguments):
+        try:
+            return task(*arguments)
+        except LASTING as failure:
+            return failure
+
+    return run
+
+
+def _checked(result):
+    """The result of a task, or its exception."""
+    if isinstance(result, Exception):
+        raise result
+    return result
+
+
+@_lasting_failure_is_result
+def _accumulate(key, payload, files, settings, contents, begin, end, spp):
+    """The sums of a part as bytes, and the number of samples that were not finite."""
+    _, native, flags = _job(key, payload, files, settings)
     return _native.accumulate(native, flags, contents, begin, end, spp)
 
 
-def _render_whole(key, payload, settings):
-    """The files of an image: from their endings to their bytes."""
+@_lasting_failure_is_result
+def _refuse_black(key, payload, settings):
+    """Raises the exception about a black image, unless the settings accept one."""
+    native, flags = _scene(key, payload)._job(settings, "farm.render")
+    _native.refuse_black(native, flags)
+
+
+@_lasting_failure_is_result
+def _render_whole(key, payload, files, settings):
+    """The files of an image, from their endings to their bytes, and its warnings."""
     import taugate
 
-    scene = _scene(key, payload)
-    image = taugate.histogram(scene, **settings) if settings.get("gates") is not None else taugate.render(scene, **settings)
+    scene, native, flags = _job(key, payload, files, settings)
+    is_histogram = settings.get("gates") is not None or native.responses(flags) > 1
+    with warnings.catch_warnings():
+        # They are raised where the client is.
+        warnings.simplefilter("ignore")
+        image = taugate.histogram(scene, **settings) if is_histogram else taugate.render(scene, **settings)
     with tempfile.TemporaryDirectory() as folder:
         for ending in ENDINGS:
             if ending == ".npy" or isinstance(image, Image):
@@ -355,14 +508,31 @@ def _render_whole(key, payload, settings):
         for name in os.listdir(folder):
             with open(os.path.join(folder, name), "rb") as file:
                 files[name[len("image") :]] = file.read()
-        return files
+        return files, all_warnings(image)
+
+
+# Files.
 
 
 def _write(path, contents):
-    """Writes a file, whole or not at all."""
+    """Writes a file, whole or not at all. It has the usual permissions of a new file."""
     folder, name = os.path.split(path)
-    with tempfile.NamedTemporaryFile(dir=folder, prefix=f".{name}-", delete=False) as file:
-        file.write(contents)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(file.name, path)
+    temporary = os.path.join(folder, f".{name}-{uuid.uuid4().hex[:8]}{PARTIAL}")
+    try:
+        with open(temporary, "xb") as file:
+            file.write(contents)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.remove(temporary)
+        raise
+
+
+def _remove_abandoned(folder):
+    """Removes what clients that were killed have left of their files."""
+    for entry in os.scandir(folder):
+        with contextlib.suppress(OSError):
+            if entry.name.startswith(".") and entry.name.endswith(PARTIAL) and clock.time() - entry.stat().st_mtime > ABANDONED:
+                os.remove(entry.path)

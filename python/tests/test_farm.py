@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -43,12 +44,12 @@ def by_hand(scene, spp, ranges):
     native, flags = taugate.load(scene)._job(SETTINGS, "test")
     total = None
     for begin, end in ranges:
-        part = taugate._native.Sums.from_bytes(taugate._native.accumulate(native, flags, "x", begin, end, spp))
+        part = taugate._native.Sums.from_bytes(taugate._native.accumulate(native, flags, "x", begin, end, spp)[0])
         if total is None:
             total = part
         else:
             total.merge(part)
-    return taugate.Image(taugate._native.developed(native, flags, total))
+    return taugate.Image(taugate._native.developed(native, flags, total, 0))
 
 
 def test_a_killed_worker_changes_no_bit(cluster):
@@ -79,10 +80,11 @@ def test_an_error_or_a_time_ends_a_render(cluster):
     from taugate import farm
 
     scene = taugate.load(SCENES / "cornell-box.glb", **SETTINGS)
-    image = farm.render(scene, client=cluster, error=0.1, part_seconds=0.2)
-    assert np.sqrt(image.variance.mean()) <= 0.1 * image.pixels.mean()
+    image = farm.render(scene, client=cluster, error="10%", part_seconds=0.2)
+    assert np.sqrt(image.variance.mean()) <= 0.1 * image.pixels.mean() and image.iterations >= farm.MIN_ITERATIONS
+    assert f"spp = {image.samples}\n" in image.settings
     started = time.monotonic()
-    image = farm.render(scene, client=cluster, time=1.0, part_seconds=0.2)
+    image = farm.render(scene, client=cluster, time="1000ms", part_seconds=0.2)
     assert image.samples > 0 and time.monotonic() - started < 20
 
 
@@ -98,14 +100,79 @@ def test_a_render_whose_parts_all_fail_ends(cluster, monkeypatch, settings):
         farm.render(SCENES / "cornell-box.glb", client=cluster, **settings, **SETTINGS)
 
 
+def fail_later(key, payload, files, settings, contents, begin, *more):
+    from taugate import farm
+
+    if begin > 0:
+        raise MemoryError("no room")
+    return farm._accumulate(key, payload, files, settings, contents, begin, *more)
+
+
+@pytest.mark.parametrize("settings", [dict(error=1e-9), dict(spp=200)])
+def test_parts_that_are_left_out_are_counted(cluster, monkeypatch, settings):
+    from taugate import farm
+
+    cloudpickle = pytest.importorskip("cloudpickle")
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])
+    accumulate = farm._accumulate
+    monkeypatch.setattr(farm, "_accumulate", fail_later)
+    with pytest.warns(UserWarning, match=r"\d+ parts of the render failed and were left out; the last one failed with: no room"):
+        image = farm.render(SCENES / "cornell-box.glb", client=cluster, **settings, **SETTINGS)
+    assert image.samples == 4 and accumulate is not fail_later
+
+
+def test_a_black_image_ends_a_render(cluster):
+    from taugate import farm
+
+    scene = only_a_lamp(gate="7m..8m")
+    for settings in (dict(error=0.1), dict(spp=8)):
+        with pytest.raises(taugate.SettingsError, match="no sample fell inside"):
+            farm.render(scene, client=cluster, part_seconds=0.01, **settings)
+
+
+def test_workers_notice_other_files(cluster, tmp_path):
+    from taugate import farm
+
+    path = tmp_path / "scene.toml"
+    first, second = (SCENES / f"{name}.glb" for name in ("cornell-box", "hidden-letter"))
+    shutil.copy(first, tmp_path / "scene.glb")
+    path.write_text('scene = "scene.glb"')
+    settings = dict(client=cluster, spp=4, resolution=(8, 8), light_paths=500, sampling="uniform")
+    before = farm.render(path, **settings)
+    shutil.copy(second, tmp_path / "scene.glb")
+    after = farm.render(path, **settings)
+    alone = taugate.render(path, **{key: value for key, value in settings.items() if key != "client"})
+    assert (after.pixels == alone.pixels).all() and (after.pixels != before.pixels).any()
+    # A worker that has other files than the client.
+    job = farm._Job(path, {}, 4)
+    shutil.copy(first, tmp_path / "scene.glb")
+    with pytest.raises(taugate.FileError, match="has other contents than where the render was started"):
+        farm._job(job.key, job.payload, job.files, job.settings)
+
+
+def test_a_scene_that_workers_have_lost_is_sent_again(cluster):
+    from taugate import farm
+
+    job = farm._Job(SCENES / "cornell-box.glb", {}, 4)
+    sent = farm._sent(cluster, job)
+    assert farm._sent(cluster, job) is sent
+    cluster.cancel([sent])
+    again = farm._sent(cluster, job)
+    assert again is not sent and again.result() == job.payload
+
+
+def only_a_lamp(**settings):
+    """The camera sees nothing but the front of a lamp at 5.5 m, so each sample has the same radiance."""
+    scene = taugate.Scene(**{**SETTINGS, **settings})
+    scene.add_mesh("lamp", *quad((0, 0, -5.5), (40, 0, 0), (0, 40, 0)), taugate.Material.emitter(2))
+    scene.add_camera("front", taugate.Camera.look_at((0, 0, 0), (0, 0, -1), fov=1, resolution=SIZE))
+    return scene
+
+
 def test_an_image_without_noise_ends_a_render(cluster):
     from taugate import farm
 
-    # The camera sees nothing but the front of a lamp, so each sample has the same radiance.
-    scene = taugate.Scene(**SETTINGS)
-    scene.add_mesh("lamp", *quad((0, 0, -5.5), (40, 0, 0), (0, 40, 0)), taugate.Material.emitter(2))
-    scene.add_camera("front", taugate.Camera.look_at((0, 0, 0), (0, 0, -1), fov=1, resolution=SIZE))
-    shown = []
+    scene, shown = only_a_lamp(), []
     image = farm.render(scene, client=cluster, error=0.1, part_seconds=0.2, progress=shown.append)
     assert image.variance.max() == 0 and np.allclose(image.pixels, 2)
     assert shown[-1].fraction == 1
@@ -144,6 +211,9 @@ gates = "4m..8m/4"
         farm.render(scene, client=None, aov="depth")
     with pytest.raises(taugate.SettingsError, match="leave out strict"):
         farm.render(scene, client=None, strict=True)
+    for wrong in (dict(error=0), dict(error="a lot"), dict(spp=0), dict(spp="64"), dict(time="8"), dict(time=-1)):
+        with pytest.raises(taugate.SettingsError, match="above 0|duration"):
+            farm.render(scene, client=None, **wrong)
 
 
 def test_sums_and_grids(cluster, tmp_path, program):
@@ -185,9 +255,23 @@ def test_a_data_set_is_continued(cluster, tmp_path):
     assert len(list(farm.dataset(iter(jobs), client=cluster, folder=tmp_path))) == 3
     assert os.stat(made[0]).st_mtime_ns == first, "what is there is kept"
     assert (np.load(tmp_path / "seed2.npy") == taugate.render(scene, seed=2, spp=2).pixels).all()
-    jobs[1:1] = [("broken", scene, dict(gate="1..2", spp=2))]
-    with pytest.raises(taugate.SettingsError, match="no unit"):
-        list(farm.dataset(jobs, client=cluster, folder=tmp_path))
+    os.remove(made[1])
+    jobs[:0] = [("broken", scene, dict(gate="1..2", spp=2)), ("missing", tmp_path / "missing.glb", {})]
+    jobs += [("cw", scene, dict(cw="20", spp=2))]
+    abandoned = tmp_path / f".seed9.npy-x{farm.PARTIAL}"
+    abandoned.write_text("half")
+    os.utime(abandoned, (0, 0))
+    made = []
+    before = os.umask(0o027)
+    try:
+        with pytest.raises(taugate.SettingsError, match="no unit"):
+            for path in farm.dataset(jobs, client=cluster, folder=tmp_path):
+                made.append(pathlib.Path(path).name)
+    finally:
+        os.umask(before)
+    assert sorted(made) == ["cw.npy", "seed0.npy", "seed1.npy", "seed2.npy"]
+    assert (tmp_path / "seed1.npy").stat().st_mode & 0o777 == 0o640 and not abandoned.exists()
+    assert np.load(tmp_path / "cw.npy").ndim == 4
 
 
 LEAVE_FILES = """
