@@ -153,7 +153,7 @@ def write_picture(path, images):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", help="beginnings of names of scenes; all without one")
+    parser.add_argument("names", nargs="*", help="render only scenes whose names begin with one of these (default: all)")
     parser.add_argument("--program", type=Path, default=ROOT / "target/release/taugate")
     parser.add_argument("--keep", type=Path, help="folder for scenes and images")
     parser.add_argument("--samples", type=int, default=512, help="samples per pixel of Cycles; taugate gets the same number")

@@ -22,7 +22,8 @@ impl Frequencies {
             [_] if are_possible => Ok(Frequencies(megahertz)),
             [a, b] if are_possible && a != b => Ok(Frequencies(megahertz)),
             _ => Err(Error::Settings(
-                "these are not modulation frequencies: write one or two different numbers of MHz, like 20 or 80,60"
+                "these are not modulation frequencies: write one or two different numbers from 0.001 to 1,000,000 MHz, like 20 or \
+                 80,60"
                     .into(),
             )),
         }

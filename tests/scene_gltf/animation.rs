@@ -164,6 +164,8 @@ fn animations_end_with_the_last_key_of_a_node() {
     }
     assert_eq!(end(&glb, None), Ok(None));
     assert!(end(&glb, Some("scale-LINEAR")).unwrap_err().contains("moves no node; leave out --animation"));
+    let alone = Playback { animation: Some("scale-LINEAR"), ..playback(0.5) };
+    assert!(posed(&glb, alone).unwrap_err().contains("moves no node; leave out --animation"));
     glb.json["animations"] = json!([]);
     assert_eq!(end(&glb, None), Ok(None));
 }

@@ -23,7 +23,7 @@ pub struct Playback<'a> {
 /// A time may be outside the animations by this fraction of their length. The times of keys are rounded to f32, so the last key may
 /// be slightly before the last frame.
 const ROUNDING: f64 = 1e-6;
-/// Upper bound on the numbers of all keys together. A file may have more if it is larger: one number per byte.
+/// Maximum number of key values read from a file. For larger files the maximum is the number of bytes in its buffers.
 const MAX_NUMBERS: u64 = 1 << 26;
 
 #[derive(Deserialize)]
@@ -93,8 +93,8 @@ struct Curve {
     property: Property,
 }
 
-/// The animations at one time.
-struct Moment {
+/// The animations, evaluated at one time.
+struct Evaluated {
     /// The values of all animated properties, by node.
     values: HashMap<(usize, Property), Vec<f32>>,
     /// Time of the last key in seconds.
@@ -126,9 +126,9 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
 }
 
 /// Sets translation, rotation, scale and weights of the nodes to their values at the time of `playback`. Without a time, the nodes
-/// stay as they are; if the file has animations, the user gets a warning. Fails if `playback` names an animation without a time or
-/// one that does not exist, if the time is not between 0 and the end of the animations, or if an animation is not valid. Returns
-/// [`super::Scene::moving`].
+/// stay as they are; if the file has animations, the user gets a warning. Fails if `playback` has an animation but no time, if that
+/// animation does not exist, if no node moves, if the time is not between 0 and the end of the animations, or if an animation is
+/// not valid. Returns [`super::Scene::moving`].
 pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<Option<BTreeSet<String>>> {
     let Some(time) = playback.at else {
         if let Some(name) = playback.animation {
@@ -141,9 +141,9 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
         }
         return Ok(None);
     };
-    let Moment { values, end } = evaluate(doc, &chosen(doc, playback.animation)?, time, warnings)?;
+    let Evaluated { values, end } = evaluate(doc, &chosen(doc, playback.animation)?, time, warnings)?;
     if values.is_empty() {
-        return Err("has animations that move no node; render it without --at and --frames".into());
+        return Err(nothing_moves(playback.animation));
     }
     let slack = ROUNDING * end;
     if !(-slack..=end + slack).contains(&time) {
@@ -169,10 +169,18 @@ pub fn end(doc: &Document, name: Option<&str>) -> Checked<Option<f64>> {
     if doc.root.animations.is_empty() && name.is_none() {
         return Ok(None);
     }
-    let Moment { values, end } = evaluate(doc, &chosen(doc, name)?, 0.0, &mut Warnings::default())?;
+    let Evaluated { values, end } = evaluate(doc, &chosen(doc, name)?, 0.0, &mut Warnings::default())?;
     match name {
-        Some(name) if values.is_empty() => Err(format!("the animation '{name}' moves no node; leave out --animation")),
+        Some(_) if values.is_empty() => Err(nothing_moves(name)),
         _ => Ok((!values.is_empty()).then_some(end)),
+    }
+}
+
+/// The message, with the remedy, for animations that move no node: the animation `name`, or all of the file.
+fn nothing_moves(name: Option<&str>) -> String {
+    match name {
+        Some(name) => format!("the animation '{name}' moves no node; leave out --animation"),
+        None => "has animations that move no node; render it without --at and --frames".into(),
     }
 }
 
@@ -183,8 +191,7 @@ fn chosen(doc: &Document, name: Option<&str>) -> Checked<Vec<(String, Animation)
     }
     let mut all = vec![];
     for (number, value) in doc.root.animations.iter().enumerate() {
-        let in_file = value.get("name").and_then(Value::as_str);
-        let label = label(in_file, "animation", number);
+        let label = label_of(number, value);
         if name.is_none_or(|name| name == label) {
             let animation = serde_json::from_value(value.clone())
                 .map_err(|e| format!("animation `{label}` is not valid ({e}); re-export the file"))?;
@@ -192,21 +199,29 @@ fn chosen(doc: &Document, name: Option<&str>) -> Checked<Vec<(String, Animation)
         }
     }
     if all.is_empty() {
-        let in_file = |(number, value): (usize, &Value)| {
-            format!("'{}'", label(value.get("name").and_then(Value::as_str), "animation", number))
-        };
-        let names: Vec<String> = doc.root.animations.iter().enumerate().map(in_file).collect();
+        let quoted = |(number, value)| format!("'{}'", label_of(number, value));
+        let names: Vec<String> = doc.root.animations.iter().enumerate().map(quoted).collect();
         let name = name.unwrap_or_default();
         return Err(format!("has no animation '{name}'; choose one of {}", names.join(", ")));
     }
     Ok(all)
 }
 
+/// The label of the animation with this number and JSON value.
+fn label_of(number: usize, value: &Value) -> String {
+    label(value.get("name").and_then(Value::as_str), "animation", number)
+}
+
 /// Evaluates the curves of all channels at `time`. Fails if two animations move the same property of a node. Each curve is dropped
 /// before the next one is read. Many channels may share the keys of one accessor, so all curves may be much larger than the file.
-fn evaluate(doc: &Document, animations: &[(String, Animation)], time: f64, warnings: &mut Warnings) -> Checked<Moment> {
-    let mut moment = Moment { values: HashMap::new(), end: 0.0 };
-    let mut by: HashMap<(usize, Property), &str> = HashMap::new();
+fn evaluate(
+    doc: &Document,
+    animations: &[(String, Animation)],
+    time: f64,
+    warnings: &mut Warnings,
+) -> Checked<Evaluated> {
+    let mut evaluated = Evaluated { values: HashMap::new(), end: 0.0 };
+    let mut mover: HashMap<(usize, Property), &str> = HashMap::new();
     let mut keys = Keys { doc, numbers: 0 };
     for (label, animation) in animations {
         for channel in &animation.channels {
@@ -227,7 +242,7 @@ fn evaluate(doc: &Document, animations: &[(String, Animation)], time: f64, warni
                      re-export the file"
                 ));
             }
-            if let Some(other) = by.insert((node, property), label) {
+            if let Some(other) = mover.insert((node, property), label) {
                 return Err(format!(
                     "the animations `{other}` and `{label}` both move node `{name}`; choose one with --animation"
                 ));
@@ -238,11 +253,11 @@ fn evaluate(doc: &Document, animations: &[(String, Animation)], time: f64, warni
                 .ok_or_else(|| format!("animation `{label}` has no sampler {}; re-export the file", channel.sampler))?;
             let what = format!("animation `{label}` of node `{name}`");
             let curve = Curve::read(&mut keys, sampler, property, &what)?;
-            moment.values.insert((node, property), curve.value(time));
-            moment.end = moment.end.max(curve.times.last().copied().unwrap_or_default().into());
+            evaluated.values.insert((node, property), curve.value(time));
+            evaluated.end = evaluated.end.max(curve.times.last().copied().unwrap_or_default().into());
         }
     }
-    Ok(moment)
+    Ok(evaluated)
 }
 
 fn property(path: &str) -> Option<Property> {
