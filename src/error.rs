@@ -81,6 +81,11 @@ impl Error {
         }
     }
 
+    /// An [`Error::Settings`] with this message, which names the problem and the remedy.
+    pub fn settings(message: impl Into<String>) -> Error {
+        Error::Settings(message.into())
+    }
+
     pub(crate) fn io(path: &Path, message: impl Into<String>, source: io::Error) -> Error {
         Error::Io { path: path.into(), message: message.into(), source }
     }

@@ -27,7 +27,7 @@ struct Input {
 
 pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     if !has_extension(&args.output, "npy") {
-        return Err(settings(format!("the output {} must end in .npy", args.output.display())).into());
+        return Err(Error::settings(format!("the output {} must end in .npy", args.output.display())).into());
     }
     let detector = detector(args)?;
     let description = description_path(&args.output);
@@ -40,14 +40,16 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         .into_iter()
         .any(|file| same(file, &args.input) || same(file, &description_path(&args.input)))
     {
-        return Err(settings(format!("{} would replace the light; choose another name", args.output.display())).into());
+        return Err(
+            Error::settings(format!("{} would replace the light; choose another name", args.output.display())).into()
+        );
     }
     let input = input(&args.input)?;
     let background = background(args.background.as_deref(), &input.array)?;
     let counts = counts(args, &detector, &input, &background)?;
     if counts.iter().any(|count| !count.is_finite()) {
-        return Err(settings(
-            "counts exceed the largest number of the output, 3e38; lower --photons or --pulses".into(),
+        return Err(Error::settings(
+            "counts exceed the largest number of the output, 3e38; lower --photons or --pulses",
         )
         .into());
     }
@@ -74,8 +76,10 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
 fn detector(args: &DetectArgs) -> Result<Detector, Error> {
     let check = |name: &str, x: f64, max: f64| match (0.0..=max).contains(&x) {
         true => Ok(x),
-        false if max.is_finite() && max < 1e9 => Err(settings(format!("--{name} is {x}; it must be from 0 to {max}"))),
-        false => Err(settings(format!("--{name} is {x}; it must be a finite number, 0 or more"))),
+        false if max.is_finite() && max < 1e9 => {
+            Err(Error::settings(format!("--{name} is {x}; it must be from 0 to {max}")))
+        }
+        false => Err(Error::settings(format!("--{name} is {x}; it must be a finite number, 0 or more"))),
     };
     let blind = match args.dead_time {
         Some(time) => Blind::For(time.0),
@@ -105,7 +109,7 @@ fn input(path: &Path) -> Result<Input, Error> {
     } else if accumulated::is_sums(path) {
         accumulated::array(path)?
     } else {
-        return Err(settings(format!(
+        return Err(Error::settings(format!(
             "{} must be an array (.npy), an image (.exr) or sums (.acc) of taugate render",
             path.display()
         )));
@@ -148,7 +152,9 @@ fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, E
     if !has_extension(path, "exr") {
         let radiance = text.parse().ok().filter(|x: &f32| x.is_finite() && *x >= 0.0);
         let radiance = radiance.ok_or_else(|| {
-            settings(format!("'{text}' is no background; give a radiance in W/(m^2 sr), 0 or more, or an image (.exr)"))
+            Error::settings(format!(
+                "'{text}' is no background; give a radiance in W/(m^2 sr), 0 or more, or an image (.exr)"
+            ))
         })?;
         return Ok(vec![[radiance; 3]; pixels]);
     }
@@ -240,8 +246,4 @@ fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
 
 fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
-}
-
-fn settings(message: String) -> Error {
-    Error::Settings(message)
 }

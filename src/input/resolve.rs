@@ -115,10 +115,6 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
     full
 }
 
-fn settings(message: impl Into<String>) -> Error {
-    Error::Settings(message.into())
-}
-
 /// Travel time of the latest light that matters to the gates of a pulsed laser, in diagonals of the scene.
 const LATEST_LIGHT: f64 = 4.0;
 
@@ -132,7 +128,7 @@ fn omitted(camera: &Camera) -> f64 {
 fn gate_warning(gate: &Gate, unseen: f64, table: &GateTable) -> Result<Option<String>> {
     match gate.precision(unseen) {
         GatePrecision::Fine => Ok(None),
-        GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => Err(settings(format!(
+        GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => Err(Error::settings(format!(
             "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness may be wrong by more than 6 %; make the \
              gate wider, or add --force",
             gate.describe()
@@ -154,7 +150,7 @@ fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {
 pub(super) fn find_camera(name: &str, scene: &Scene) -> Result<usize> {
     scene.cameras.iter().rposition(|camera| camera.name == name).ok_or_else(|| {
         let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).chain(["auto"]).collect();
-        settings(format!("no camera is called '{name}'; choose one of {}", list(&names)))
+        Error::settings(format!("no camera is called '{name}'; choose one of {}", list(&names)))
     })
 }
 
@@ -193,11 +189,11 @@ fn emitters(table: &EmitterTable, scene: &Scene, is_steady: bool, warnings: &mut
         // A list with the one word `scene` means the same as the word alone, unless a node has this name.
         Emitters::Nodes(names) if names == ["scene"] && !candidates.contains(&"scene") => Emitters::Scene,
         Emitters::Nodes(names) if names.is_empty() => {
-            return Err(settings(format!("no emitter is selected; choose from {}", list(&candidates))));
+            return Err(Error::settings(format!("no emitter is selected; choose from {}", list(&candidates))));
         }
         Emitters::Nodes(names) => Emitters::Nodes(whole_names(&names, &candidates).map_err(|unknown| {
             let candidates = list(&candidates);
-            settings(format!(
+            Error::settings(format!(
                 "no node '{unknown}' emits light; --emitters may name {candidates} (--headlamp, --lamp and --sky add lights)"
             ))
         })?),
@@ -221,7 +217,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, is_steady: bool, warnings: &mut
         [] => "add a light that has a position (--headlamp, --lamp)".to_string(),
         _ => format!("choose other lights with --emitters from {}", list(&positioned)),
     };
-    Err(settings(format!(
+    Err(Error::settings(format!(
         "the light '{first}' is infinitely far away, so its light has no travel time to gate; render without a gate, or {remedy}"
     )))
 }

@@ -27,9 +27,9 @@ pub fn chosen(table: &GateTable) -> Result<Responses> {
     let of_one_pulse = of_one_pulse(table)?;
     match table.repeat {
         None => Ok(of_one_pulse),
-        Some(_) if of_one_pulse.support().hi.is_infinite() => {
-            Err(settings("--repeat needs gates with an end, which it repeats: add --gate A..B or --gates A..B/N"))
-        }
+        Some(_) if of_one_pulse.support().hi.is_infinite() => Err(Error::settings(
+            "--repeat needs gates with an end, which it repeats: add --gate A..B or --gates A..B/N",
+        )),
         Some(period) => Ok(of_one_pulse.repeated(period.0)),
     }
 }
@@ -49,14 +49,14 @@ fn of_one_pulse(table: &GateTable) -> Result<Responses> {
             }
         }
         all if all.iter().all(ResponseSpec::has_own_gate) && (gate.is_some() || table.gates.is_some()) => {
-            return Err(settings(
+            return Err(Error::settings(
                 "every --response has a gate of its own, so another gate has no effect: remove --gate, --depth or --gates",
             ));
         }
         _ => {}
     }
     if table.gates.is_some() {
-        return Err(settings(
+        return Err(Error::settings(
             "--gates takes one --response, such as gauss:0.1m, for the edges of all gates; give other responses without --gates",
         ));
     }
@@ -74,7 +74,7 @@ fn response(spec: &ResponseSpec, gate: Option<Gate>) -> Result<Response> {
                 Edge::Gauss(_) => "gauss",
             };
             let gate = own.or(gate).ok_or_else(|| {
-                settings(format!(
+                Error::settings(format!(
                     "the response {spec} has no gate: add --gate A..B, or write it like {kind}:10m..11m,0.1m"
                 ))
             })?;
@@ -150,10 +150,6 @@ fn parse_table(text: &str) -> std::result::Result<Vec<[f64; 2]>, String> {
             }
         })
         .collect()
-}
-
-fn settings(message: impl Into<String>) -> Error {
-    Error::Settings(message.into())
 }
 
 #[cfg(test)]

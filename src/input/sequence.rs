@@ -40,7 +40,7 @@ impl Sequence {
     pub fn new(experiment: &Experiment, end: impl FnOnce() -> Result<Option<f64>>) -> Result<Option<Sequence>> {
         let mut experiment = experiment.clone();
         if experiment.output.frames.is_some() {
-            check_long(&experiment.output)?;
+            check_restartable(&experiment.output)?;
         }
         let OutputTable { frames, fps, contact_sheet, gif, shard, .. } = &mut experiment.output;
         let (frames, fps, contact_sheet, gif) = (frames.take(), fps.take(), contact_sheet.take(), gif.take());
@@ -54,19 +54,19 @@ impl Sequence {
                 ("gate-keys", keys.is_some()),
             ];
             return match given.iter().find(|(_, given)| *given) {
-                Some((name, _)) => Err(settings(format!("--{name} is for a sequence: add --frames A..B"))),
+                Some((name, _)) => Err(Error::settings(format!("--{name} is for a sequence: add --frames A..B"))),
                 None => Ok(None),
             };
         };
         for (path, extension) in [(&contact_sheet, "png"), (&gif, "gif")] {
             let has = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
             if let Some(path) = path.as_ref().filter(|path| !has(path)) {
-                return Err(settings(format!("the picture {} must end in .{extension}", path.display())));
+                return Err(Error::settings(format!("the picture {} must end in .{extension}", path.display())));
             }
         }
         let output = &experiment.output;
         if output.strategy_images.is_some() {
-            return Err(settings("--strategy-images needs a single frame: render it alone, with --at".into()));
+            return Err(Error::settings("--strategy-images needs a single frame: render it alone, with --at"));
         }
         let png = match &output.png {
             Some(Png::File(path)) => Some(path),
@@ -74,7 +74,7 @@ impl Sequence {
         };
         let files = output.output.iter().flat_map(|files| &files.0).chain(png).chain(&output.stats);
         if let Some(path) = files.into_iter().find(|path| numbered(path, 0).is_none()) {
-            return Err(settings(format!(
+            return Err(Error::settings(format!(
                 "{} would be replaced by every frame: write the number of the frame as #, like out.####.exr",
                 path.display()
             )));
@@ -84,17 +84,16 @@ impl Sequence {
             // The frames have no picture that could be exposed.
             experiment.output.exposure = None;
         }
-        let end = end()?;
-        if end.is_none() && keys.is_none() {
-            return Err(settings(
-                "no node of the scene is animated and the gate does not move, so all frames would be the same: add \
-                 --gate-keys FRAME=A..B"
-                    .into(),
-            ));
-        }
         let (frames, fps) = (frames.0, fps.unwrap_or(DEFAULT_FPS));
         if !(1..=MAX_FPS).contains(&fps) {
-            return Err(settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}")));
+            return Err(Error::settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}")));
+        }
+        let end = end()?;
+        if end.is_none() && keys.is_none() {
+            return Err(Error::settings(
+                "no node of the scene is animated and the gate does not move, so all frames would be the same: add \
+                 --gate-keys FRAME=A..B",
+            ));
         }
         Ok(Some(Sequence { experiment, frames, shard, fps, keys, end, contact_sheet, gif, exposure }))
     }
@@ -158,28 +157,26 @@ pub fn at_first_frame(experiment: &Experiment) -> Experiment {
     first
 }
 
-/// Fails if a flag of long renders does not fit a sequence.
-fn check_long(output: &OutputTable) -> Result<()> {
+/// Fails with --checkpoint or --resume, if a restarted sequence could not tell which frames are finished, or if an output needs
+/// the frames of other shards.
+fn check_restartable(output: &OutputTable) -> Result<()> {
     if output.checkpoint.is_some() || output.resume.is_some() {
-        return Err(settings(
-            "frames that are finished are kept anyway, and the same command goes on after them: leave out --checkpoint and \
-             --resume"
-                .into(),
+        return Err(Error::settings(
+            "finished frames are always kept, and the same command continues after them: leave out --checkpoint and --resume",
         ));
     }
     let names = output.output.iter().flat_map(|files| &files.0);
     if names.clone().next().is_some() && names.clone().all(|path| is_picture(path)) {
-        return Err(settings(
-            "a picture does not say with which settings it was rendered, so it cannot be kept: add -o OUT.####.exr"
-                .into(),
+        return Err(Error::settings(
+            "a PNG does not record its settings, so a restarted sequence could not tell which frames are finished: add -o \
+             OUT.####.exr",
         ));
     }
     let is_part = output.shard.is_some_and(|shard| !shard.is_all());
     if is_part && (output.contact_sheet.is_some() || output.gif.is_some()) {
-        return Err(settings(
-            "a shard has not all frames: leave out --contact-sheet and --gif, and add them to the same command without \
-             --shard after the last shard"
-                .into(),
+        return Err(Error::settings(
+            "a shard does not have all frames: leave out --contact-sheet and --gif, and add them to the same command without \
+             --shard after the last shard",
         ));
     }
     Ok(())
@@ -192,10 +189,6 @@ fn numbered(path: &Path, number: u32) -> Option<PathBuf> {
     let begin = name[..end].trim_end_matches('#').len();
     let digits = end - begin;
     Some(path.with_file_name(format!("{}{number:0digits$}{}", &name[..begin], &name[end..])))
-}
-
-fn settings(message: String) -> Error {
-    Error::Settings(message)
 }
 
 #[cfg(test)]
@@ -252,10 +245,10 @@ mod tests {
             ("frames = '0..2'\noutput = 'a#.exr'\ngif = 'b.png'", "must end in .gif"),
             ("frames = '0..2'\noutput = 'a#.exr'\nstrategy-images = 'b'", "with --at"),
             ("frames = '0..2'\noutput = 'a#.exr'", "--gate-keys"),
-            ("frames = '0..2'\noutput = 'a#.exr'\nfps = 0", "--gate-keys"),
-            ("frames = '0..2'\noutput = 'a#.png'", "a picture does not say"),
-            ("frames = '0..2'\noutput = 'a#.exr'\ncheckpoint = 'a.acc'", "finished are kept anyway"),
-            ("frames = '0..2'\noutput = 'a#.exr'\nshard = '0/2'\ngif = 'a.gif'", "has not all frames"),
+            ("frames = '0..2'\noutput = 'a#.exr'\nfps = 0", "--fps is 0; it must be"),
+            ("frames = '0..2'\noutput = 'a#.png'", "a PNG does not record its settings"),
+            ("frames = '0..2'\noutput = 'a#.exr'\ncheckpoint = 'a.acc'", "finished frames are always kept"),
+            ("frames = '0..2'\noutput = 'a#.exr'\nshard = '0/2'\ngif = 'a.gif'", "does not have all frames"),
             ("fps = 3\noutput = 'a#.exr'", "--fps is for a sequence"),
             ("gif = 'a.gif'", "--gif is for a sequence"),
         ] {

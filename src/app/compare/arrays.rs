@@ -29,14 +29,14 @@ fn is_npy(path: &Path) -> bool {
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     if !is_array(&args.image)? || !is_array(&args.reference)? {
-        return Err(settings(
+        return Err(Error::settings(
             "an array, or a file of several gates, is only compared with another of them; render both with the same gates and \
              -o OUT.npy",
         )
         .into());
     }
     if args.z.is_some() {
-        return Err(settings(
+        return Err(Error::settings(
             "--z needs two images of a single gate, because arrays and files of several gates do not hold batches of samples; \
              render each gate alone with -o OUT.exr",
         )
@@ -46,7 +46,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     let shape = |array: &ImageArray| [array.height, array.width, array.images()];
     if shape(&image) != shape(&reference) {
         let describe = |array: &ImageArray| format!("{}x{} with {} gates", array.width, array.height, array.images());
-        return Err(settings(&format!(
+        return Err(Error::settings(format!(
             "the arrays differ in size: {} is {}, {} is {}; render both with the same --gates and --resolution",
             args.image.display(),
             describe(&image),
@@ -126,8 +126,4 @@ fn read_finite(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>
         return Err(Error::File { path: path.into(), message });
     }
     Ok((array, gates))
-}
-
-fn settings(message: &str) -> Error {
-    Error::Settings(message.into())
 }

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::settings;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::npy_file;
 use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
@@ -91,16 +90,16 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let files = wanted.output.clone().map_or(vec![], |files| files.0);
     let has = |path: &PathBuf, extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
     if files.is_empty() && wanted.checkpoint.is_none() {
-        return Err(settings("no output file: add -o OUT.exr or -o OUT.npy"));
+        return Err(Error::settings("no output file: add -o OUT.exr or -o OUT.npy"));
     }
     let is_known = |path: &&PathBuf| EXTENSIONS.iter().any(|extension| has(path, extension));
     if let Some(other) = files.iter().find(|path| !is_known(path)) {
-        return Err(settings(format!("the output {} must end in .exr, .npy, .png or .acc", other.display())));
+        return Err(Error::settings(format!("the output {} must end in .exr, .npy, .png or .acc", other.display())));
     }
     let only = |extension: &str| {
         let mut all = files.iter().filter(|path| has(path, extension));
         match (all.next(), all.next()) {
-            (Some(one), Some(two)) => Err(settings(format!(
+            (Some(one), Some(two)) => Err(Error::settings(format!(
                 "{} and {} would hold the same image; name one .{extension} file",
                 one.display(),
                 two.display()
@@ -112,7 +111,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let responses = chosen(&experiment.gate)?;
     let count = responses.len();
     if exr.is_some() && count > MAX_EXR_RESPONSES {
-        return Err(settings(format!(
+        return Err(Error::settings(format!(
             "an .exr file holds at most {MAX_EXR_RESPONSES} gates, and these are {count}; write -o OUT.npy"
         )));
     }
@@ -120,34 +119,42 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let checkpoint = checkpoint(wanted)?;
     let keeps_sums = acc.is_some() || checkpoint.is_some();
     if variance && npy.is_none() && !keeps_sums {
-        return Err(settings("--variance is for an array: add -o OUT.npy (an .exr file always has the variance)"));
+        return Err(Error::settings(
+            "--variance is for an array: add -o OUT.npy (an .exr file always has the variance)",
+        ));
     }
     let aov = wanted.aov.unwrap_or_default();
     if aov != Aov::default() && exr.is_none() && !keeps_sums {
-        return Err(settings("--aov adds layers to an image file or to sums: add -o OUT.exr or -o OUT.acc"));
+        return Err(Error::settings("--aov adds layers to an image file or to sums: add -o OUT.exr or -o OUT.acc"));
     }
     let png = match &wanted.png {
         None | Some(Png::Wanted(false)) => picture,
-        Some(_) if picture.is_some() => return Err(settings("-o OUT.png and --png both name the picture: keep one")),
+        Some(_) if picture.is_some() => {
+            return Err(Error::settings("-o OUT.png and --png both name the picture: keep one"));
+        }
         Some(Png::Wanted(true)) => match files.first() {
             Some(first) => Some(first.with_extension("png")),
             None => {
-                return Err(settings("--png takes its name from the output: add -o OUT.exr, or write --png FILE.png"));
+                return Err(Error::settings(
+                    "--png takes its name from the output: add -o OUT.exr, or write --png FILE.png",
+                ));
             }
         },
         Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
-        Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
+        Some(Png::File(path)) => {
+            return Err(Error::settings(format!("the picture {} must end in .png", path.display())));
+        }
     };
     if wanted.exposure.is_some() && png.is_none() {
-        return Err(settings("--exposure is for the picture: add --png"));
+        return Err(Error::settings("--exposure is for the picture: add --png"));
     }
     // The extension .json ensures that the file cannot overwrite the scene, the experiment or an image.
     let stats = wanted.stats.clone();
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
-        return Err(settings(format!("the --stats file {} must end in .json", path.display())));
+        return Err(Error::settings(format!("the --stats file {} must end in .json", path.display())));
     }
     if !responses.is_single_box() && wanted.strategy_images.is_some() {
-        return Err(settings(
+        return Err(Error::settings(
             "--strategy-images needs a single gate with the weight 1: render it alone, with --gate and without --response and --repeat",
         ));
     }
@@ -176,22 +183,22 @@ fn checkpoint(wanted: &OutputTable) -> Result<Option<(PathBuf, f64)>> {
     let is_acc = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("acc"));
     for (flag, path) in [("checkpoint", &wanted.checkpoint), ("resume", &wanted.resume)] {
         if let Some(path) = path.as_ref().filter(|path| !is_acc(path)) {
-            return Err(settings(format!("the file of --{flag}, {}, must end in .acc", path.display())));
+            return Err(Error::settings(format!("the file of --{flag}, {}, must end in .acc", path.display())));
         }
     }
     if wanted.every.is_some() && wanted.checkpoint.is_none() {
-        return Err(settings("--every is for the file of --checkpoint: add --checkpoint FILE.acc"));
+        return Err(Error::settings("--every is for the file of --checkpoint: add --checkpoint FILE.acc"));
     }
     let is_long = wanted.checkpoint.is_some() || wanted.resume.is_some() || wanted.shard.is_some();
     if is_long && wanted.strategy_images.is_some() {
-        return Err(settings(
+        return Err(Error::settings(
             "--strategy-images needs all iterations in one run: leave out --checkpoint, --resume and --shard",
         ));
     }
     let is_kept =
         wanted.checkpoint.is_some() || wanted.output.iter().flat_map(|files| &files.0).any(|path| is_acc(&path));
     if wanted.shard.is_some_and(|shard| !shard.is_all()) && !is_kept {
-        return Err(settings(
+        return Err(Error::settings(
             "a shard is a part of a render: add -o OUT.acc, so that taugate merge can join the parts",
         ));
     }
