@@ -45,7 +45,8 @@ struct BsdfValue {
 
 struct BsdfSample {
     direction: vec3<f32>,
-    // Smooth lobes: f / pdf, without cosines. Delta lobes: reflectance / probability of choosing it.
+    // Smooth lobes: f / pdf, without cosines. Delta lobes: reflectance or transmittance (if wl is sampled, times the squared ratio
+    // of the indices) / probability of choosing the lobe.
     weight: vec3<f32>,
     // Density of sampling `direction`, and of sampling the known direction if `direction` were known. Both are 1 for delta lobes.
     pdf: f32,
@@ -195,7 +196,8 @@ fn is_retroreflector(b: Bsdf) -> bool {
     return HAS_RETROREFLECTORS && b.retroreflection > 0.0;
 }
 
-// Value and densities of the smooth lobes. A delta lobe adds nothing. All are 0 if a direction lies in the surface.
+// Value and densities of the smooth lobes. A delta lobe adds nothing. All are 0 if a direction is tangent to the surface (z = 0),
+// or if both directions are below it.
 fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
     if (b.black || wl.z == 0.0 || wc.z == 0.0) {

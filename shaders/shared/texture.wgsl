@@ -53,7 +53,8 @@ fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
     return sample_encoded(index, uv, ENCODING_COLOR);
 }
 
-// As `sample_texture`, for any encoding. `encoding` should be a constant, so that the compiler removes the other cases.
+// As `sample_texture`, for any encoding. `encoding` should be a constant, so that the compiler removes the other cases. Without a
+// texture all channels are 1, which is no flat normal: test for a texture first.
 fn sample_encoded(index: u32, coordinates: vec2<f32>, encoding: u32) -> vec4<f32> {
     if (index == NONE) {
         return vec4<f32>(1.0);
@@ -63,7 +64,8 @@ fn sample_encoded(index: u32, coordinates: vec2<f32>, encoding: u32) -> vec4<f32
     if (HAS_TEXTURE_TRANSFORMS && (info.sampler >> TEXTURE_TRANSFORM_SHIFT) != 0u) {
         uv = transform_uv(info.sampler >> TEXTURE_TRANSFORM_SHIFT, uv);
     }
-    // Coordinates are reduced to one period of the mirror mode, so that the integer texel index cannot overflow.
+    // Coordinates are reduced to one period of the mirror mode, so that the integer texel index cannot overflow. With
+    // clamp, [-1, 2] is enough.
     let bounded = select(uv - 2.0 * floor(0.5 * uv), clamp(uv, vec2<f32>(-1.0), vec2<f32>(2.0)),
         vec2<bool>((info.sampler & 3u) == 2u, ((info.sampler >> 2u) & 3u) == 2u));
     let p = bounded * vec2<f32>(f32(info.width), f32(info.height));

@@ -3,6 +3,7 @@
 #import scene
 
 struct Hit {
+    // Ray parameter: distance over the length of the direction; `t_max` for a miss.
     t: f32,
     // Barycentric weights of corners 1 and 2.
     u: f32,
@@ -15,10 +16,11 @@ struct Hit {
 // strictly after this position, so that it also meets a second surface in the plane of a surface that it has passed.
 struct LastHit {
     t: f32,
-    // NONE if no triangle at this distance remains.
+    // Index of the triangle; NONE: continue only at larger distances.
     triangle: u32,
 }
 
+// Entries of the traversal stack. The host limits the depth of the BVH (`MAX_LEVELS` in src/bvh/mod.rs), so pushing needs no test.
 const STACK_SIZE: u32 = 32u;
 
 // Coordinate axes of a ray. The axis of the largest direction component comes last; the other two are sheared so that the ray
@@ -91,8 +93,8 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, last_hit: LastHit
 
 // Recomputes a hit for the ray from `p` itself. The traced ray started beside `p`, off the surface, but directions are
 // sampled at `p`. Offsetting the origin changes the density of the hit point by a relative error of about offset / distance.
-// The offset grows with the coordinates, so far from their origin this error counts. If the ray from `p` misses the triangle,
-// by less than the offset, the hit is unchanged.
+// The offset grows with the coordinates, so this error matters far from the origin of render space. If the ray from `p` misses
+// the triangle, by less than the offset, the hit is unchanged.
 fn reintersect(hit: Hit, p: vec3<f32>, d: vec3<f32>) -> Hit {
     var again = hit;
     again.t = 3e38;

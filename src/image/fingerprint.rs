@@ -37,8 +37,8 @@ pub fn of_files(paths: &[PathBuf]) -> Result<String> {
 }
 
 /// Fingerprint of this renderer: 16 hexadecimal digits for its version and for the code, without comments, that determines an
-/// image. The build script computes it. Images from renderers with equal fingerprints differ only by noise; otherwise they may
-/// differ by more.
+/// image. The build script computes it. With equal settings, renderers with equal fingerprints give images with the same expected
+/// value. Other renderers may not.
 pub const RENDERER: &str = env!("TAUGATE_RENDERER");
 
 #[cfg(test)]

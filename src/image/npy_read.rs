@@ -50,7 +50,8 @@ pub struct DescribedResponse {
     /// Begin and end of the gate in metres of optical path. The end is `None` for a gate without an end.
     pub gate_begin_m: f64,
     pub gate_end_m: Option<f64>,
-    /// The integral of the weights over travel time in metres. Files of earlier versions lack it.
+    /// The integral of the weights over travel time in metres. `None` if it is infinite (a wave, or a gate without an end), or if an
+    /// earlier version wrote the file.
     pub weight_integral_m: Option<f64>,
 }
 
@@ -110,8 +111,8 @@ pub fn read(path: &Path) -> Result<ImageArray> {
         }
     };
     // Compare the sizes before memory is allocated: a header could claim more than the file holds.
-    let count = shape.iter().try_fold(4u64, |product, &side| product.checked_mul(side as u64));
-    if count.is_none_or(|bytes| bytes == 0 || bytes.checked_add(data_at) != Some(length)) {
+    let needed_bytes = shape.iter().try_fold(4u64, |product, &side| product.checked_mul(side as u64));
+    if needed_bytes.is_none_or(|bytes| bytes == 0 || bytes.checked_add(data_at) != Some(length)) {
         return Err(fail(format!("its shape {shape:?} does not fit its {length} bytes; write the file again")));
     }
     let mut bytes = vec![];

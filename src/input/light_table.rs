@@ -21,7 +21,7 @@ pub struct LightTable {
     pub kind: Kind,
     /// World space, in metres.
     pub position: Numbers<3>,
-    /// Spots and beams need either a direction or a target (a point, in metres).
+    /// Spots and beams need either a direction (any length above 0) or a target (a point, in metres).
     pub direction: Option<Numbers<3>>,
     pub target: Option<Numbers<3>>,
     /// W / sr, for points and spots.
@@ -136,6 +136,7 @@ impl LightTable {
     }
 }
 
+// `remote = "Self"` derives inherent functions of these names; the traits add checks and dashes.
 impl Serialize for LightTable {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         LightTable::serialize(self, serializer)

@@ -184,6 +184,7 @@ fn aimed(place: DVec3, points: &[DVec3], pixel_fov: f64, omitted: impl Fn(DVec3)
     }
 }
 
+// `remote = "Self"` derives inherent functions of these names; the traits add checks and dashes.
 impl Serialize for ScanTable {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         ScanTable::serialize(self, serializer)

@@ -8,7 +8,7 @@
 //! | tau_min, tau_max | gate | optical path |
 //! | N_tau^-, N_tau^+ | smallest and largest v_tau below a node | optical path |
 //! | Phi_N, Phi_b | power of a node, and of one of its buckets | as for phi, scaled to a total of 1 |
-//! | B, K, M | buckets per node, queries per shade point, light subpaths per iteration | |
+//! | B, K, M | buckets per node, queries per shade point and tree, light subpaths per iteration | |
 //!
 //! Lengths and optical paths are in the unit of render space (`render/space.rs`), as in the kernels. The queries run on the device.
 //! The paper's queries are in `shaders/shell_query.wgsl` and `shared/query.wgsl`. Queries by importance are in

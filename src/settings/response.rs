@@ -60,7 +60,7 @@ enum Weight {
         edge: Edge,
     },
     Table(Table),
-    /// (1 + cos(2 pi tau / period + quarter pi / 2)) / 2.
+    /// (1 + cos(2 pi (tau / period + quarter / 4))) / 2. `quarter`: phase offset in quarter turns, 0 to 3.
     Wave {
         period: f64,
         quarter: u32,
@@ -73,7 +73,8 @@ enum Weight {
 pub struct Response {
     name: String,
     weight: Weight,
-    /// Travel time in metres after which the weight repeats; `None` if it does not.
+    /// Period of a pulsed laser: travel time after which the weight repeats, in metres of optical path; `None` for a single pulse.
+    /// A wave keeps its period in [`Weight::Wave`].
     period: Option<f64>,
 }
 
@@ -107,7 +108,8 @@ impl Response {
         Ok(Response { name: name.into(), weight: Weight::Table(table), period: None })
     }
 
-    /// The weight (1 + cos(2 pi tau / `period` + `quarter` pi / 2)) / 2 for light of every travel time tau; `period` is in metres.
+    /// The weight (1 + cos(2 pi (tau / `period` + `quarter` / 4))) / 2 for light of every travel time tau. `period` is in metres of
+    /// optical path. `quarter`: phase offset in quarter turns, 0 to 3.
     pub(super) fn wave(name: String, period: f64, quarter: u32) -> Response {
         Response { name, weight: Weight::Wave { period, quarter }, period: None }
     }
@@ -118,7 +120,7 @@ impl Response {
         Response { period: Some(period), ..self }
     }
 
-    /// The period of a pulsed laser, if the weight repeats.
+    /// The period of a pulsed laser in metres of optical path; `None` for a single pulse or a wave.
     pub fn period(&self) -> Option<f64> {
         self.period
     }
@@ -212,8 +214,9 @@ impl Response {
         }
     }
 
-    /// The integral of the weight of one pulse over travel time, in metres: the length of a gate with any edges. Steady light counts
-    /// as long as light at the speed of light takes for it.
+    /// Integral of the weight of one pulse over travel time, in metres. For a gate with any edges it is the length of the gate; it is
+    /// infinite for a wave and for a gate without an end. Each response collects daylight for the time that light takes to travel
+    /// this distance.
     pub fn integral(&self) -> f64 {
         match &self.weight {
             Weight::Gate { gate, .. } => gate.hi - gate.lo,
@@ -224,7 +227,8 @@ impl Response {
         }
     }
 
-    /// The response as text: its name, and its gate in optical path, time and depth.
+    /// The response as text. Gate: its ends in optical path, time and depth, its period and its edges. Table: also its name. Wave: its
+    /// name alone.
     pub fn describe(&self) -> String {
         let gate = self.gate().describe();
         let gate = self.period.map_or(gate.clone(), |period| format!("{gate}, repeated every {period} m"));

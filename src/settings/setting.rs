@@ -254,6 +254,7 @@ macro_rules! table {
             }
         }
 
+        // `remote = "Self"` derives inherent functions of these names; the traits add dashes.
         impl serde::Serialize for $table {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 $table::serialize(self, serializer)

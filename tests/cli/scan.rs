@@ -6,6 +6,7 @@ use crate::{fails, folder, names, taugate};
 
 const CONFOCAL: &str =
     "points = { corner = [-0.4, 0.4, 0], across = [0.8, 0, 0], down = [0, -0.8, 0], count = [3, 2] }";
+// Both spellings of keys are allowed.
 const EXHAUSTIVE: &str =
     "laser_points = [[0, 0, 0], [0.3, 0, 0]]\nsensor-points = [[0, 0, 0], [0.1, 0.2, 0], [0.3, 0, 0]]";
 
@@ -53,7 +54,7 @@ fn a_scan_is_an_array_of_gates_and_points() {
     run(&["render", "again.toml", "-o", "d.npy", "-q"]);
     assert!(read(&here.join("d.npy")) == confocal);
 
-    // Where laser and sensor look at the same point, an exhaustive scan measures what a confocal one measures.
+    // Where laser and sensor aim at the same point, both scans measure the same.
     write(here, "all.toml", EXHAUSTIVE, "");
     write(here, "same.toml", "points = [[0, 0, 0], [0.3, 0, 0]]", "");
     run(&["render", "all.toml", "-o", "all.npy", "--spp", "2000", "-q"]);
@@ -121,6 +122,7 @@ fn mistakes_in_a_scan_are_explained() {
     write(here, "hole.toml", &CONFOCAL.replace("[3, 2]", "[1, 1]"), "");
     let toml = std::fs::read_to_string(here.join("hole.toml")).unwrap();
     std::fs::write(here.join("hole.toml"), toml.replace("gates = '1.9m..2.9m/5'", "response = 'hole.csv'")).unwrap();
+    // All light of this scan falls into the hole of the response.
     std::fs::write(here.join("hole.csv"), "tau_m,weight\n0,1\n0.01,0\n900,0\n900.1,1\n").unwrap();
     write(here, "late.toml", &CONFOCAL.replace("[3, 2]", "[1, 1]"), "max-depth = 3");
     let before = names(here);

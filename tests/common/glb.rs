@@ -89,7 +89,7 @@ pub fn png() -> Vec<u8> {
 
 /// A scene with a textured triangle, a camera, a spot light and a beam. They are children of a root node with a translation.
 ///
-/// Accessors: 0 positions, 1 indices, 2 normals, 3 texture coordinates. Nodes: 0 root, 1 tri, 2 eye, 3 lamp, 4 beam.
+/// Accessors: 0 positions, 1 indices, 2 normals, 3 texture coordinates. Nodes: 0 root, 1 tri, 2 eye, 3 lamp, 4 laser (a beam).
 pub fn complete() -> Glb {
     let mut glb = Glb::new();
     let position = glb.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);

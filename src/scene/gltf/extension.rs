@@ -8,7 +8,7 @@ use super::{Checked, texture};
 enum Treatment {
     /// The image shows it.
     Read,
-    /// It does not change a still image.
+    /// The image does not depend on it. Animations that use it give a warning of their own.
     Harmless,
     /// The scene is rendered without it, even if the file requires it. The sentence says what the image shows instead.
     Without(&'static str),
@@ -86,8 +86,8 @@ const EXTENSIONS: &[(&str, Treatment)] = &[
 /// Maximum number of names that warnings list: a hostile file may have any number of them.
 const MAX_WARNINGS: usize = 20;
 
-/// Refuses a file that requires an extension without which the image would be wrong. Warns about the extensions that change
-/// the image and are not read.
+/// Refuses a file that requires an extension that is [`Refused`] or not in the list. Warns about every other extension that is not
+/// read and not harmless.
 pub fn check(doc: &Document, warnings: &mut Warnings) -> Checked<()> {
     let (required, used) = (&doc.root.extensions_required, &doc.root.extensions_used);
     let mut seen: Vec<&str> = Vec::new();

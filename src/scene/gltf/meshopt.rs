@@ -73,6 +73,7 @@ const GROUP: usize = 16;
 /// Maximum number of elements per block.
 const MAX_BLOCK: usize = 256;
 
+/// Decodes a stream of [`Mode::Attributes`]: `count` elements of `stride` bytes. `None` if the stream is damaged.
 fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let (header, body) = data.split_first()?;
     let is_v1 = match header {
@@ -81,6 +82,8 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
         _ => return None,
     };
     let channels = stride / 4;
+    // The tail is at the end of the stream, behind its padding: the baseline, to which the first deltas are added, and in version 1
+    // one mode per channel.
     let tail = stride + if is_v1 { channels } else { 0 };
     let padded = tail.max(if is_v1 { 24 } else { 32 });
     let (mut data, end) = body.split_at_checked(body.len().checked_sub(padded)?)?;
@@ -176,6 +179,8 @@ fn undo_delta(mode: u8, last: [u8; 4], delta: [u8; 4]) -> Option<[u8; 4]> {
     }
 }
 
+/// Decodes a stream of [`Mode::Indices`]: `count` indices. Each is stored as the difference from one of two earlier indices; the
+/// lowest bit of its code chooses which. `None` if the stream is damaged.
 fn indices(data: &[u8], count: usize) -> Option<Vec<u32>> {
     let (0xd1, body) = data.split_first()? else { return None };
     let mut data = body.get(..body.len().checked_sub(4)?)?;
