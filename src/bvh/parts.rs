@@ -4,15 +4,16 @@ use super::Bvh;
 use crate::wgsl::layout::constants::PART_LEAVES;
 
 impl Bvh {
-    /// Parts that together cover each triangle once, for `search_part` (`shaders/shared/ellipsoid_search.wgsl`). At least one part.
-    /// A part is the index of a node with at most `most` triangles below it. Larger nodes are divided. If a divided node has leaves
-    /// as children, their triangles form a part: the index of the node with the bit [`PART_LEAVES`].
-    pub fn parts(&self, most: u32) -> Vec<u32> {
+    /// Parts that together cover each triangle once, for `search_part` (`shaders/shared/ellipsoid_search.wgsl`). At least one part:
+    /// without triangles the list is [0], the empty root. A part is the index of a node with at most `max_triangles` triangles below
+    /// it. Larger nodes are divided. If a divided node has leaves as children, their triangles form a part: the index of the node
+    /// with the bit [`PART_LEAVES`].
+    pub fn parts(&self, max_triangles: u32) -> Vec<u32> {
         let nodes = &self.host.nodes;
         if nodes.is_empty() {
             return vec![0];
         }
-        // Children come after their parents.
+        // Children come after their parents, so this order sums children first.
         let mut below: Vec<u32> = nodes.iter().map(|node| own_triangles(&node.child_meta)).collect();
         for (i, node) in nodes.iter().enumerate().rev() {
             below[i] += children(node.child_base_idx, node.imask).map(|child| below[child as usize]).sum::<u32>();
@@ -20,7 +21,7 @@ impl Bvh {
         let (mut parts, mut open) = (vec![], vec![0]);
         while let Some(i) = open.pop() {
             let node = &nodes[i as usize];
-            if below[i as usize] <= most {
+            if below[i as usize] <= max_triangles {
                 parts.push(i);
                 continue;
             }

@@ -10,10 +10,12 @@ use crate::scene::{LightKind, Mesh, Scene};
 
 /// Length of the street in metres; it begins behind the camera.
 const LENGTH: f64 = 72.0;
-/// Half the distance between the houses in metres.
+/// Metres of street behind the camera.
+const BEHIND: f64 = 6.0;
+/// Half the minimum distance between houses on opposite sides, in metres.
 const HALF_WIDTH: f64 = 7.0;
 /// Distances in metres of the car in front of the camera, at the start and at the end of the drive.
-const WAY: [f64; 2] = [48.0, 14.0];
+const CAR_DISTANCES: [f64; 2] = [48.0, 14.0];
 /// Duration of the drive in seconds.
 const SECONDS: f32 = 2.0;
 
@@ -33,24 +35,24 @@ pub fn motion() -> Motion {
     Motion {
         node: "car",
         times: vec![0.0, SECONDS],
-        positions: WAY.map(|z| at(z).to_array().map(|x| x as f32)).to_vec(),
+        positions: CAR_DISTANCES.map(|distance| car_position(distance).to_array().map(|x| x as f32)).to_vec(),
     }
 }
 
 /// The car's position at a distance in front of the camera.
-fn at(distance: f64) -> DVec3 {
+fn car_position(distance: f64) -> DVec3 {
     DVec3::new(-1.6, 0.0, -distance)
 }
 
 fn ground(scene: &mut Scene) {
     let asphalt = material(scene, diffuse("asphalt", [0.12, 0.12, 0.13]));
     let kerb = material(scene, diffuse("pavement", [0.35, 0.34, 0.32]));
-    let far = DVec3::new(-HALF_WIDTH, 0.0, 6.0 - LENGTH);
+    let far = DVec3::new(-HALF_WIDTH, 0.0, BEHIND - LENGTH);
     add(scene, "road", asphalt, quad(far, DVec3::Z * LENGTH, DVec3::X * (2.0 * HALF_WIDTH), [1.0, 1.0]));
     for side in [-1.0, 1.0] {
         let (inner, outer) = (side * 4.5, side * HALF_WIDTH);
-        let low = DVec3::new(inner.min(outer), 0.0, 6.0 - LENGTH);
-        add(scene, "pavement", kerb, cuboid(low, DVec3::new(inner.max(outer), 0.12, 6.0)));
+        let low = DVec3::new(inner.min(outer), 0.0, BEHIND - LENGTH);
+        add(scene, "pavement", kerb, cuboid(low, DVec3::new(inner.max(outer), 0.12, BEHIND)));
     }
 }
 
@@ -61,17 +63,17 @@ fn houses(scene: &mut Scene) {
     let paints = colours.map(|rgb| material(scene, diffuse("house", rgb)));
     for side in [-1.0, 1.0] {
         for n in 0..7 {
-            let near = 6.0 - 10.0 * f64::from(n);
-            let (depth, height) = (pcg.range(0.0, 1.2), pcg.range(5.0, 9.0));
-            let (inner, outer) = (side * (HALF_WIDTH + depth), side * (HALF_WIDTH + 5.0));
+            let near = BEHIND - 10.0 * f64::from(n);
+            let (setback, height) = (pcg.range(0.0, 1.2), pcg.range(5.0, 9.0));
+            let (inner, outer) = (side * (HALF_WIDTH + setback), side * (HALF_WIDTH + 5.0));
             let low = DVec3::new(inner.min(outer), 0.0, near - 9.6);
             let high = DVec3::new(inner.max(outer), height, near);
             let paint = paints[(pcg.uniform() * 4.0) as usize % 4];
             add(scene, &format!("house {n}"), paint, cuboid(low, high));
         }
     }
-    let low = DVec3::new(-HALF_WIDTH - 5.0, 0.0, 5.0 - LENGTH);
-    add(scene, "last house", paints[1], cuboid(low, DVec3::new(HALF_WIDTH + 5.0, 8.0, 6.0 - LENGTH)));
+    let low = DVec3::new(-HALF_WIDTH - 5.0, 0.0, BEHIND - 1.0 - LENGTH);
+    add(scene, "last house", paints[1], cuboid(low, DVec3::new(HALF_WIDTH + 5.0, 8.0, BEHIND - LENGTH)));
 }
 
 /// The car that drives, and two that are parked.
@@ -85,7 +87,7 @@ fn cars(scene: &mut Scene) {
         place(scene, node, body, transform);
         place(scene, node, wheels, transform);
     };
-    car("car", bodies[0], DAffine3::from_translation(at(WAY[0])));
+    car("car", bodies[0], DAffine3::from_translation(car_position(CAR_DISTANCES[0])));
     car("parked car 1", bodies[1], turned(DVec3::new(3.4, 0.0, -11.0), 0.0));
     car("parked car 2", bodies[1], turned(DVec3::new(3.3, 0.0, -26.0), 0.05));
 }

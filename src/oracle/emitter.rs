@@ -88,11 +88,11 @@ impl<'a> EmitterSet<'a> {
             return None;
         }
         let chosen = pcg.below(self.choices());
-        let share = self.choices() as f64;
+        let choices = self.choices() as f64;
         if let Some(light) = self.punctual.get(chosen) {
             if let LightKind::Directional { irradiance } = light.kind {
                 let (wi, distance) = (-light.direction, self.outside);
-                let weight = irradiance.map(|e| f64::from(e) * share);
+                let weight = irradiance.map(|e| f64::from(e) * choices);
                 return Some(LightSample {
                     position: from + wi * distance,
                     wi,
@@ -120,7 +120,7 @@ impl<'a> EmitterSet<'a> {
             }
             let distance = (light.position - from).length();
             let wi = (light.position - from) / distance;
-            let weight = intensity(light, -wi)?.map(|i| i * share / (distance * distance));
+            let weight = intensity(light, -wi)?.map(|i| i * choices / (distance * distance));
             return Some(LightSample { position: light.position, wi, distance, weight, pdf: None, far: false });
         }
         let &(_, area) = self.luminous.last()?;
@@ -131,7 +131,7 @@ impl<'a> EmitterSet<'a> {
         let surface = self.world.geometry.surface(&hit);
         let distance = (surface.position - from).length();
         let wi = (surface.position - from) / distance;
-        let pdf = distance * distance / (surface.geometric.dot(wi).abs() * area * share);
+        let pdf = distance * distance / (surface.geometric.dot(wi).abs() * area * choices);
         let there = self.world.coverage(&surface);
         let weight = self.world.emitted(&surface, -wi).map(|e| e * there / pdf);
         let lit = weight.iter().any(|&w| w > 0.0) && pdf.is_finite();
@@ -161,6 +161,7 @@ pub struct BeamSpot<'a> {
     /// Power of the beam times the weights of the mirrors and glass before the spot. On a surface it is the irradiance over the
     /// density per area.
     power: [f64; 3],
+    /// Travel time from the origin of the beam to the spot, in metres of optical path.
     pub tau: f64,
     /// Number of segments from the beam's origin to the spot.
     pub segments: u32,
@@ -191,7 +192,7 @@ pub fn beam(light: &Light) -> (f64, [f64; 3]) {
 }
 
 /// Traces one ray of a beam for at most `max_depth` segments, as long as mirrors reflect it or glass refracts it. Returns a spot
-/// for every vertex that also scatters. The flight of the ray is random in media, so it ends at a point of the medium or at a
+/// for every vertex that is not `only_delta`. The flight of the ray is random in media, so it ends at a point of the medium or at a
 /// surface.
 pub fn spots<'a>(
     world: &'a World<'a>,
@@ -229,8 +230,9 @@ pub fn spots<'a>(
     found
 }
 
-/// Light that arrives at a vertex in `region` straight from a beam: the distance to the disk of the beam, and the irradiance times
-/// the BSDF or phase function. `None` if the radius is 0, if the vertex is outside the beam, or if the beam is occluded.
+/// Light that arrives at a vertex in `region` straight from a beam: the distance along the beam to its origin, in metres
+/// (geometric, not optical), and the irradiance times the BSDF or phase function. `None` if the radius is
+/// 0, if the vertex is outside the beam, or if the beam is occluded.
 pub fn straight(
     world: &World,
     light: &Light,

@@ -9,7 +9,9 @@ use crate::scene::{Scene, Wrap};
 /// Linear RGBA at a texture coordinate of the mesh. After the transform of the texture, (0, 0) is the outer corner of the first
 /// texel. Without a texture, the result is white.
 pub fn sample(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
-    filtered(scene, texture, uv, |[r, g, b, a]| [linear(r), linear(g), linear(b), f64::from(a) / 255.0])
+    filtered(scene, texture, uv, |[r, g, b, a]| {
+        [srgb_to_linear(r), srgb_to_linear(g), srgb_to_linear(b), f64::from(a) / 255.0]
+    })
 }
 
 /// As [`sample`], for a texture whose four channels are linear.
@@ -17,7 +19,8 @@ pub fn sample_data(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
     filtered(scene, texture, uv, |texel| texel.map(|byte| f64::from(byte) / 255.0))
 }
 
-/// As [`sample`], for a normal map: x, y and z from about -1 to 1, where a byte of 128 means exactly 0.
+/// As [`sample`], for a normal map: x, y and z from about -1 to 1, where a byte of 128 means exactly 0. Without a
+/// texture all channels are 1, which is no flat normal: test for a texture first.
 pub fn sample_normal(scene: &Scene, texture: Option<u32>, uv: DVec2) -> DVec3 {
     let [x, y, z, _] = filtered(scene, texture, uv, |texel| texel.map(|byte| (f64::from(byte) - 128.0) / 127.0));
     DVec3::new(x, y, z)
@@ -53,7 +56,7 @@ fn filtered(scene: &Scene, texture: Option<u32>, uv: DVec2, decode: impl Fn([u8;
 }
 
 /// Decodes an sRGB byte to a linear value in [0, 1].
-fn linear(byte: u8) -> f64 {
+fn srgb_to_linear(byte: u8) -> f64 {
     static VALUES: LazyLock<[f64; 256]> = LazyLock::new(|| {
         std::array::from_fn(|byte| {
             let s = byte as f64 / 255.0;
@@ -91,7 +94,7 @@ mod tests {
         assert_eq!(sample(&scene, None, DVec2::ZERO), [1.0; 4]);
         assert_eq!(sample(&scene, Some(0), DVec2::new(0.5, 0.5)), [0.5; 4]);
         assert_eq!(sample(&scene, Some(0), DVec2::new(0.25, 0.5)), [0.0, 0.0, 0.0, 1.0]);
-        assert_eq!(linear(255), 1.0);
-        assert!((linear(128) - 0.2158605).abs() < 1e-6);
+        assert_eq!(srgb_to_linear(255), 1.0);
+        assert!((srgb_to_linear(128) - 0.2158605).abs() < 1e-6);
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::geometry::Geometry;
-use super::oversized::extent;
+use super::oversized::max_coordinate;
 use super::space::{FARTHEST, RenderSpace};
 use crate::scene::Scene;
 
@@ -15,9 +15,9 @@ pub fn warnings(
     space: &RenderSpace,
     powers: &BTreeMap<String, f64>,
 ) -> Option<String> {
-    let near = geometry.triangles.iter().map(extent).fold(f32::INFINITY, f32::min);
+    let near = geometry.triangles.iter().map(max_coordinate).fold(f32::INFINITY, f32::min);
     let is_far = |distance: f32| f64::from(distance) > f64::from(near) * FARTHEST.powi(2);
-    let triangles = geometry.triangles.iter().filter(|t| is_far(extent(t)));
+    let triangles = geometry.triangles.iter().filter(|t| is_far(max_coordinate(t)));
     let lights = scene.lights.iter().filter(|light| !light.kind.is_distant() && powers.contains_key(&light.node));
     let lights = lights.filter(|light| is_far(space.point(light.position).abs().max_element()));
     let nodes: BTreeSet<&str> = triangles

@@ -14,6 +14,9 @@ use crate::wgsl::layout::constants::OFFSET_SCALE;
 /// Maximum offset of a ray origin from a triangle, relative to the size of the rest of the scene. A larger offset visibly
 /// removes light.
 const MAX_OFFSET_FRACTION: f32 = 0.1;
+/// The warning recommends a size that is smaller by this factor than the largest coordinate without a warning. The coordinates of
+/// a surface may be larger than its size, because they are relative to the pinhole.
+const SIZE_MARGIN: f32 = 10.0;
 /// Maximum number of warnings about nodes.
 const MAX_REPORTED: usize = 10;
 
@@ -22,12 +25,12 @@ const MAX_REPORTED: usize = 10;
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     // Bounding boxes of the triangles and lights, grouped by the exponent of their maximum coordinate.
     let mut boxes: BTreeMap<i32, [Vec3; 2]> = BTreeMap::new();
-    let mut enclose = |extent: f32, points: &[Vec3]| {
-        let all = boxes.entry(extent.log2().floor() as i32).or_insert([Vec3::INFINITY, Vec3::NEG_INFINITY]);
+    let mut enclose = |coordinate: f32, points: &[Vec3]| {
+        let all = boxes.entry(coordinate.log2().floor() as i32).or_insert([Vec3::INFINITY, Vec3::NEG_INFINITY]);
         points.iter().for_each(|&p| *all = [all[0].min(p), all[1].max(p)]);
     };
     for triangle in &geometry.triangles {
-        enclose(extent(triangle), &corners(triangle));
+        enclose(max_coordinate(triangle), &corners(triangle));
     }
     for light in scene.lights.iter().filter(|light| !light.kind.is_distant()) {
         let position = space.point(light.position);
@@ -52,7 +55,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     }
     let size = (rest[1] - rest[0]).length();
     let near = [rest[0] - size, rest[1] + size];
-    let touches = |t: &Triangle| {
+    let is_near = |t: &Triangle| {
         let [a, b, c] = corners(t);
         let [lo, hi] = [a.min(b).min(c), a.max(b).max(c)];
         lo.cmple(near[1]).all() && hi.cmpge(near[0]).all()
@@ -60,7 +63,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     let nodes: BTreeSet<&str> = geometry
         .triangles
         .iter()
-        .filter(|t| offset_exceeds(extent(t), rest) && touches(t))
+        .filter(|t| offset_exceeds(max_coordinate(t), rest) && is_near(t))
         .map(|t| scene.instances[t.instance as usize].node.as_str())
         .collect();
     let metres = |length: f32| f64::from(length) * space.unit;
@@ -69,7 +72,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
             "'{node}' has triangles so large that light is lost where the rest of the scene, {:.2e} m in size, touches them: make \
              the surface smaller than {:.0e} m, or divide it into smaller triangles",
             metres(size),
-            metres(MAX_OFFSET_FRACTION / 10.0 / OFFSET_SCALE * size)
+            metres(MAX_OFFSET_FRACTION / SIZE_MARGIN / OFFSET_SCALE * size)
         )
     };
     let mut all: Vec<String> = nodes.iter().take(MAX_REPORTED).map(sentence).collect();
@@ -83,13 +86,14 @@ fn corners(t: &Triangle) -> [Vec3; 3] {
     [t.v0, t.v1, t.v2].map(Vec3::from)
 }
 
-pub(super) fn extent(t: &Triangle) -> f32 {
+/// Largest absolute coordinate of the triangle, in units of render space.
+pub(super) fn max_coordinate(t: &Triangle) -> f32 {
     corners(t).iter().map(|p| p.abs().max_element()).fold(0.0, f32::max)
 }
 
-/// Whether the ray offset on a triangle with maximum coordinate `extent` is too large for the objects in the box.
-fn offset_exceeds(extent: f32, [lo, hi]: [Vec3; 2]) -> bool {
-    OFFSET_SCALE * extent > MAX_OFFSET_FRACTION * (hi - lo).length()
+/// Whether the ray offset on a triangle with this maximum coordinate is too large for the objects in the box.
+fn offset_exceeds(max_coordinate: f32, [lo, hi]: [Vec3; 2]) -> bool {
+    OFFSET_SCALE * max_coordinate > MAX_OFFSET_FRACTION * (hi - lo).length()
 }
 
 #[cfg(test)]
@@ -125,7 +129,6 @@ mod tests {
         assert_eq!(warnings_of_floor(2e4, -0.01, 0), Vec::<String>::new());
         // A floor far below the room needs no warning.
         assert_eq!(warnings_of_floor(2e6, -1e6, 0), Vec::<String>::new());
-        assert_eq!(build(Kind::CornellBox).lights.len(), 0);
     }
 
     /// A light at the pinhole must not count as a scene of size 0, for which every ray offset is too large.
@@ -143,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_floor_of_small_triangles_is_not() {
+    fn a_floor_of_small_triangles_gives_no_warning() {
         assert_eq!(warnings_of_floor(2e6, -0.01, 9).len(), 0);
     }
 }

@@ -20,7 +20,8 @@ fn block() -> Scene {
     scene
 }
 
-/// The block with a camera at (0.5, 0.5, 10) that looks along -Z, and a lamp.
+/// The block with a camera at (0.5, 0.5, 10) that looks along -Z, and a point lamp called `sky`, so that added skies and
+/// lights collide with its name.
 fn staged() -> Scene {
     let mut scene = block();
     camera(&mut scene, CENTRE.with_z(10.0), CENTRE, 1.0, [40, 30]);
@@ -119,11 +120,11 @@ fn scenes_without_size_get_a_camera_too() {
 fn a_scene_without_camera_and_light_gets_both_and_says_so() {
     let (scene, experiment, notes) = applied("scene = 'a.glb'", block());
     assert!(notes.len() == 2 && notes[0].contains("--look-from") && notes[1].contains("--headlamp"), "{notes:?}");
-    let place = scene.cameras[0].transform.translation;
-    assert_eq!((scene.lights[0].node.as_str(), scene.lights[0].position), ("headlamp", place));
+    let eye = scene.cameras[0].transform.translation;
+    assert_eq!((scene.lights[0].node.as_str(), scene.lights[0].position), ("headlamp", eye));
     // A white surface at the distance of the centre has radiance 1.
     let Some(Headlamp::Intensity(intensity)) = experiment.emitter.headlamp else { panic!("{experiment:?}") };
-    let radiance = intensity / std::f64::consts::PI / place.distance_squared(CENTRE);
+    let radiance = intensity / std::f64::consts::PI / eye.distance_squared(CENTRE);
     assert!((radiance - 1.0).abs() < 5e-3, "{radiance}");
     assert_eq!(scene.lights[0].kind, LightKind::Point { intensity: [intensity as f32; 3] });
     // A light that cannot be rendered does not count. With a gate, a sun cannot be rendered.

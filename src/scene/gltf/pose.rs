@@ -11,7 +11,7 @@ use super::mesh::{attribute, check_finite};
 use super::node::Worlds;
 use crate::scene::Mesh;
 
-/// Number of sets of four joints per vertex that are read.
+/// Maximum number of sets of four joints per vertex that are read.
 const MAX_SETS: u32 = 4;
 /// Maximum number of inverse bind matrices of all skins together.
 const MAX_MATRICES: u64 = 4 << 20;
@@ -110,25 +110,29 @@ impl Pose<'_> {
         for (number, (target, &weight)) in targets.enumerate().filter(|(_, (_, weight))| **weight != 0.0) {
             let what = |name: &str| format!("{name} of morph target {number} of {}", mesh.name);
             if let Some(accessor) = target.positions {
-                let moves = doc.vectors::<3>(accessor.value(), &what("POSITION"), QUANTIZED)?;
-                add(&mut mesh.positions, &moves, weight, &what("POSITION"))?;
+                let offsets = doc.vectors::<3>(accessor.value(), &what("POSITION"), QUANTIZED)?;
+                add(&mut mesh.positions, &offsets, weight, &what("POSITION"))?;
             }
             if let Some(accessor) = target.normals.filter(|_| !mesh.normals.is_empty()) {
-                let moves = doc.vectors::<3>(accessor.value(), &what("NORMAL"), DIRECTION)?;
-                add(&mut mesh.normals, &moves, weight, &what("NORMAL"))?;
+                let offsets = doc.vectors::<3>(accessor.value(), &what("NORMAL"), DIRECTION)?;
+                add(&mut mesh.normals, &offsets, weight, &what("NORMAL"))?;
             }
         }
         Ok(())
     }
 }
 
-/// Adds `weight * moves` to `vectors`.
-fn add(vectors: &mut [[f32; 3]], moves: &[[f32; 3]], weight: f32, what: &str) -> Checked<()> {
-    if moves.len() != vectors.len() {
-        return Err(format!("{what} has {} elements for {} vertices; re-export the file", moves.len(), vectors.len()));
+/// Adds `weight * offsets` to `vectors`.
+fn add(vectors: &mut [[f32; 3]], offsets: &[[f32; 3]], weight: f32, what: &str) -> Checked<()> {
+    if offsets.len() != vectors.len() {
+        return Err(format!(
+            "{what} has {} elements for {} vertices; re-export the file",
+            offsets.len(),
+            vectors.len()
+        ));
     }
-    for (vector, moved) in vectors.iter_mut().zip(moves) {
-        *vector = (Vec3::from(*vector) + weight * Vec3::from(*moved)).to_array();
+    for (vector, offset) in vectors.iter_mut().zip(offsets) {
+        *vector = (Vec3::from(*vector) + weight * Vec3::from(*offset)).to_array();
     }
     Ok(())
 }
@@ -147,7 +151,7 @@ impl Skin {
         Ok(if is_mirrored.contains(&true) { is_mirrored } else { Vec::new() })
     }
 
-    /// The transform of each vertex: the average of the transforms of its joints.
+    /// The transform of each vertex: the weighted average of the transforms of its joints.
     fn blend(&self, doc: &Document, primitive: &Primitive, mesh: &Mesh) -> Checked<Vec<DAffine3>> {
         let count = mesh.positions.len();
         let mut sums = vec![Sum { matrix: DMat3::ZERO, translation: DVec3::ZERO, weight: 0.0 }; count];
@@ -203,7 +207,7 @@ impl Sum {
         self.weight += weight;
     }
 
-    /// The sum over its weight; `None` if the weight is 0.
+    /// The sum divided by its weight; `None` if the weight is 0.
     fn mean(&self) -> Option<DAffine3> {
         let scale = (self.weight > 0.0).then(|| self.weight.recip())?;
         Some(DAffine3::from_mat3_translation(self.matrix * scale, self.translation * scale))
