@@ -115,25 +115,31 @@ fn the_commands_of_the_guide_work() {
     assert_eq!(run("docs/GUIDE.md"), 14, "code blocks of docs/GUIDE.md that are not run");
 }
 
-/// Every link to a file leads to an existing file, and every link within a page to one of its headings. Links to the web are not
+/// Whether a page has a heading to which links with this anchor lead.
+fn has_heading(page: &str, anchor: &str) -> bool {
+    let headings = page.lines().filter(|line| line.starts_with('#'));
+    headings.map(|line| line.trim_start_matches(['#', ' ']).to_lowercase().replace(' ', "-")).any(|a| a == anchor)
+}
+
+/// Every link to a file leads to an existing file, and every link to a part of a page to one of its headings. Links to the web are not
 /// followed.
 #[test]
 fn links_lead_somewhere() {
     let fixed = ["README.md", "docs/GUIDE.md", "docs/PERFORMANCE.md", "docs/ACCURACY.md", "docs/ARCHITECTURE.md"];
-    let mut documents: Vec<String> =
-        fixed.into_iter().chain(["docs/PAPER.md", "docs/LIMITS.md"]).map(String::from).collect();
+    let further = ["docs/PAPER.md", "docs/LIMITS.md", "docs/PYTHON.md", "scenes/README.md"];
+    let mut documents: Vec<String> = fixed.into_iter().chain(further).map(String::from).collect();
     for page in std::fs::read_dir(root().join("docs/notebook")).unwrap() {
         documents.push(format!("docs/notebook/{}", page.unwrap().file_name().into_string().unwrap()));
     }
     for document in documents {
         let text = read(&document);
         let folder = root().join(&document).parent().unwrap().to_path_buf();
-        let anchors: Vec<String> = (text.lines().filter(|line| line.starts_with('#')))
-            .map(|line| line.trim_start_matches(['#', ' ']).to_lowercase().replace(' ', "-"))
-            .collect();
         for link in text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()) {
-            let found = match link.strip_prefix('#') {
-                Some(anchor) => anchors.iter().any(|a| a == anchor),
+            let found = match link.split_once('#') {
+                Some(("", anchor)) => has_heading(&text, anchor),
+                Some((file, anchor)) => {
+                    std::fs::read_to_string(folder.join(file)).is_ok_and(|page| has_heading(&page, anchor))
+                }
                 None => link.starts_with("https://") || folder.join(link).exists(),
             };
             assert!(found, "{document}: the link to {link} leads nowhere");
