@@ -38,7 +38,7 @@ use super::progress::Progress;
 use super::report::Report;
 use super::{feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
-use iterations::Iterations;
+use iterations::{Done, Iterations};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
 use ready::Ready;
@@ -248,10 +248,15 @@ impl Session {
         let iterations = Iterations { settings, shard, before, strict, stop };
         let rendered = iterations.run(renderer, &mut self.progress, &mut watch);
         self.progress.finish();
-        let schedule = rendered?;
+        let Done { schedule, failure } = rendered?;
+        if self.is_sequence
+            && let Some(failure) = failure
+        {
+            return Err(failure.into());
+        }
         let elapsed = rendering.elapsed();
         let seconds = before + elapsed.as_secs_f64();
-        let interrupted = stop.load(Ordering::Relaxed);
+        let interrupted = stop.load(Ordering::Relaxed) || failure.is_some();
         if interrupted && (self.is_sequence || renderer.film().samples() == 0) {
             self.progress.line(match self.is_sequence {
                 true => "interrupted; the finished frames are kept, and the same command continues after them",
@@ -297,6 +302,9 @@ impl Session {
         }
         if interrupted && outputs.strategy_images.is_some() {
             strategies::report_interrupted(&self.progress);
+        }
+        if let Some(failure) = failure {
+            return Err(after(failure, &format!("the {} samples per pixel before it", renderer.film().samples())).into());
         }
         if self.is_sequence {
             self.ready = Some(ready);
@@ -359,6 +367,14 @@ impl Session {
         // The next frame of a sequence may reuse the prepared scene.
         let prepared = self.is_sequence.then_some(prepared);
         Ok((Ready { renderer, scene, settings: settings.clone(), prepared, warnings }, layers))
+    }
+}
+
+/// Adds to an error of the device that the files hold `what`, which was rendered before the error.
+fn after(failure: Error, what: &str) -> Error {
+    match failure {
+        Error::Device(message) => Error::Device(format!("{message}; the files hold {what}")),
+        other => other,
     }
 }
 

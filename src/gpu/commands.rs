@@ -91,6 +91,9 @@ impl Commands {
         let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
         let shared = &self.shared;
         let queue = shared.submitting();
+        if shared.waits.load(Ordering::Relaxed) >= shared.lost_after {
+            return Err(shared.error("waiting for the device", vk::Result::ERROR_DEVICE_LOST));
+        }
         // SAFETY: the command buffers are complete, and the lock makes this the queue's only user. The last submit has ended, so
         // the fence may be reset. The reset comes before the submit, because a failed wait may have left the fence signalled.
         unsafe {

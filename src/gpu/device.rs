@@ -12,7 +12,7 @@ use super::drive::Drive;
 use super::info::{DeviceInfo, choose};
 use super::instance::{Instance, device_error};
 use super::kernel::KernelCache;
-use super::shared::Shared;
+use super::shared::{Shared, lost_after};
 use super::staging::Staging;
 use crate::error::{Error, Result};
 
@@ -93,6 +93,7 @@ impl Device {
 
 /// Opens `physical`, a device of `instance`.
 fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceInfo) -> Result<Device> {
+    let lost_after = lost_after()?;
     let of = &instance.handle;
     // SAFETY: `physical` belongs to the instance.
     let (families, memory, properties) = unsafe {
@@ -126,6 +127,7 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         info,
         bytes: AtomicU64::new(0),
         waits: AtomicU64::new(0),
+        lost_after,
         allocations: AtomicU64::new(0),
         _instance: instance,
     };

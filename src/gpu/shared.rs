@@ -7,7 +7,7 @@ use ash::vk;
 
 use super::info::DeviceInfo;
 use super::instance::{Instance, device_error};
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// An open device. Dropping the last reference closes the device.
 pub(super) struct Shared {
@@ -24,10 +24,26 @@ pub(super) struct Shared {
     pub bytes: AtomicU64,
     /// Number of times that the host has waited for the device.
     pub waits: AtomicU64,
+    /// The device counts as lost when the host has waited this often; see [`lost_after`].
+    pub lost_after: u64,
     /// Number of memory allocations.
     pub allocations: AtomicU64,
     // Never read. `drop` destroys the device first; then this field destroys the instance.
     pub _instance: Instance,
+}
+
+/// Environment variable: number of submits after which every device counts as lost, to test how the program takes such a loss.
+const LOST_AFTER: &str = "TAUGATE_LOST_AFTER";
+
+/// Number of submits that the environment variable `TAUGATE_LOST_AFTER` allows; `u64::MAX` if it is not set. Fails if the variable is
+/// not a number.
+pub(super) fn lost_after() -> Result<u64> {
+    match std::env::var(LOST_AFTER) {
+        Ok(value) if !value.is_empty() => value
+            .parse()
+            .map_err(|_| Error::Device(format!("{LOST_AFTER} is {value}; set it to a number of submits, or unset it"))),
+        _ => Ok(u64::MAX),
+    }
 }
 
 impl Shared {

@@ -203,15 +203,16 @@ impl Renderer {
 
     /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light
     /// vertices and `samples` samples per pixel (1 to 16; for a camera with aimed rays to 1024): in every pixel, or on average if
-    /// the sampling is adaptive. Fails if `samples` is out of range, if a buffer does not fit the device, or if the device's
-    /// counts contradict each other.
+    /// the sampling is adaptive. Fails if `samples` is out of range, if a buffer does not fit the device, if the device is lost, or
+    /// if the device's counts contradict each other. After an error the film is as before. But a render of several responses begins
+    /// anew if a part of the iteration is in its images; then [`Film::samples`] is 0.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         self.iterate_unless(samples, &Arc::default()).map(drop)
     }
 
     /// As [`Renderer::iterate`], but gives up soon after `stop` has become true. Returns whether the iteration was added to the
     /// film. If not, the film is as before, and the next call renders the same iteration. A render of several responses begins
-    /// anew instead if a part of the iteration may be in its images.
+    /// anew instead if a part of the iteration is in its images.
     #[doc(hidden)]
     pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
         let max = self.plan.max_samples();
@@ -224,10 +225,23 @@ impl Renderer {
             self.add_black_iteration(samples);
             return Ok(true);
         }
+        // Counts of a part of an iteration would contradict each other.
+        let before = self.stats.clone();
+        let done = self.render_iteration(samples, stop);
+        if !matches!(done, Ok(true)) {
+            self.stats = before;
+            if self.responses.as_ref().is_some_and(ResponseSums::has_part) {
+                self.clear();
+            }
+        }
+        done
+    }
+
+    /// As [`Renderer::iterate_unless`]. If the iteration is not complete, a part of it may be in the statistics and in the images of
+    /// several responses.
+    fn render_iteration(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
         let iteration = self.next_iteration(samples);
         let waits = self.device.waits();
-        // Restored if the iteration is abandoned: counts of a part of an iteration would contradict each other.
-        let before = self.stats.clone();
         let counts = match &self.allocation {
             Some(allocation) => self.stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts(samples)),
             None => SampleCounts::Uniform(samples),
@@ -242,7 +256,6 @@ impl Renderer {
             splats.extend(has_responses.then(|| splat.arrival()));
         })?;
         if stop.load(Ordering::Relaxed) {
-            self.stats = before;
             return Ok(false);
         }
 
@@ -258,10 +271,6 @@ impl Renderer {
         };
         let ready = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
         if !ready.run(plan, &counts, &mut image, responses.as_mut(), learn, stop, stats)? {
-            self.stats = before;
-            if has_responses {
-                self.clear();
-            }
             return Ok(false);
         }
 
@@ -342,7 +351,8 @@ impl Renderer {
         self.responses.as_ref().map(ResponseSums::film).filter(|film| film.responses() > 1)
     }
 
-    /// Whether iterations divide their light into responses: several, or a shaped one. An abandoned iteration then clears all images.
+    /// Whether iterations divide their light into responses: several, or a shaped one. An abandoned iteration may then clear all
+    /// images.
     #[doc(hidden)]
     pub fn has_responses(&self) -> bool {
         self.responses.is_some()

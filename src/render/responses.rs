@@ -75,17 +75,24 @@ pub struct ResponseSums {
     splats: Vec<Arrival>,
     /// Samples per pixel of the iteration, on average.
     samples: u32,
+    /// Whether a part of the iteration is in the images.
+    has_part: bool,
 }
 
 impl ResponseSums {
     pub fn new(plan: &Plan, has_variance: bool) -> ResponseSums {
         let film = ResponseFilm::new(plan.crop_pixels as usize, plan.responses.len(), has_variance);
         let weights = Weights::new(&plan.responses, &plan.space);
-        ResponseSums { film, weights, total: vec![], splats: vec![], samples: 0 }
+        ResponseSums { film, weights, total: vec![], splats: vec![], samples: 0, has_part: false }
     }
 
     pub fn film(&self) -> &ResponseFilm {
         &self.film
+    }
+
+    /// Whether a part of an iteration is in the images, but not the whole iteration. If so, the images cannot be used.
+    pub fn has_part(&self) -> bool {
+        self.has_part
     }
 
     /// Goes on from the images of earlier iterations.
@@ -104,6 +111,7 @@ impl ResponseSums {
     /// Adds all light of `pixels`, none of which has been added in this iteration: their splats, and `arrivals` from sensor
     /// subpaths. The order of the arrivals of a pixel decides the last bits of its sums.
     pub fn add(&mut self, pixels: &[u32], arrivals: Vec<Arrival>) {
+        self.has_part = true;
         let mut all: Vec<Arrival> = pixels.iter().flat_map(|&pixel| self.splats_of(pixel)).copied().collect();
         all.extend(arrivals);
         // The sort is stable: the splats of each pixel stay in front.
@@ -130,6 +138,7 @@ impl ResponseSums {
     pub fn end(&mut self) {
         self.splats.clear();
         self.film.end_iteration(self.samples);
+        self.has_part = false;
     }
 
     fn splats_of(&self, pixel: u32) -> &[Arrival] {

@@ -1,7 +1,9 @@
 //! Runs `taugate devices --check`, the command for a user whose graphics card nobody has tested. Needs a device.
 
+use std::path::Path;
 use std::process::{Command, Output};
 
+use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::settings::{Estimator, Sampling};
 
 fn taugate(arguments: &[&str]) -> Output {
@@ -35,4 +37,49 @@ fn a_check_needs_a_device_that_exists() {
     assert_eq!(output.status.code(), Some(4), "{message}");
     assert!(message.contains("no such card"), "{message}");
     assert_eq!(taugate(&["devices", "--device", "0"]).status.code(), Some(2), "--device is for --check");
+}
+
+/// Runs a command in `folder` whose device counts as lost after `submits` submits. Returns the message.
+fn lost_after(submits: &str, folder: &Path, arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+    let output = command.args(arguments).current_dir(folder).env("TAUGATE_LOST_AFTER", submits).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(4), "{message}");
+    assert!(message.contains("error: device: the device was lost while waiting for the device"), "{message}");
+    message
+}
+
+#[test]
+fn a_lost_device_does_not_take_the_image_with_it() {
+    let folder = crate::folder();
+    let here = folder.path();
+    assert!(crate::taugate(here, &["generate", "cornell-box", "-o", "box.glb"]).status.success());
+    let render = ["render", "box.glb", "--resolution", "8x8", "--light-paths", "100", "--max-depth", "4", "-q", "-o"];
+    for gates in [["--gate", "5m..6m"], ["--gates", "4m..8m/4"]] {
+        let lost = [&render[..], &["lost.exr", "--spp", "10000"], &gates].concat();
+        let message = lost_after("150", here, &lost);
+        let samples = message.split("the files hold the ").nth(1).unwrap_or_else(|| panic!("{message}"));
+        let samples = samples.split(' ').next().unwrap();
+        assert!(crate::taugate(here, &[&render[..], &["whole.exr", "--spp", samples], &gates].concat()).status.success());
+        let [lost, whole] = ["lost.exr", "whole.exr"].map(|name| read_picture(&here.join(name)).unwrap());
+        assert!(lost.rgb == whole.rgb && lost.variance == whole.variance, "{gates:?}: {samples} samples");
+    }
+    // Without an iteration there is no image.
+    let message = lost_after("1", here, &[&render[..], &["none.exr"]].concat());
+    assert!(!message.contains("the files hold") && !here.join("none.exr").exists(), "{message}");
+}
+
+#[test]
+fn a_lost_device_leaves_the_points_of_a_scan() {
+    let folder = crate::folder();
+    let here = folder.path();
+    assert!(crate::taugate(here, &["generate", "hidden-letter", "-o", "letter.glb"]).status.success());
+    let scan = "scene = 'letter.glb'\n[scan]\nlaser = [2, 0, 1.5]\npoints = { corner = [-0.4, 0.4, 0], across = [0.8, 0, 0], \
+                down = [0, -0.8, 0], count = [20, 20] }\n[gate]\ngates = '1.9m..2.9m/5'\n[render]\nspp = 4\n";
+    std::fs::write(here.join("scan.toml"), scan).unwrap();
+    let message = lost_after("300", here, &["render", "scan.toml", "-o", "out.npy"]);
+    let about = std::fs::read_to_string(here.join("out.json")).unwrap();
+    let measured = serde_json::from_str::<serde_json::Value>(&about).unwrap()["measured_laser_points"].as_u64().unwrap();
+    assert!((1..400).contains(&measured), "{measured}");
+    assert!(message.contains(&format!("the files hold the {measured} points of the laser before it")), "{message}");
 }

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use taugate::{Error, ErrorKind};
 use taugate::internals::render::Renderer;
 use taugate::internals::render::schedule::{next_samples_of, samples_of_shard};
 use taugate::internals::settings::shard::Shard;
@@ -10,6 +11,15 @@ use taugate::internals::settings::{Budget, Settings};
 
 use super::super::progress::{Before, Position, Progress};
 use super::NotFinite;
+
+/// The iterations that were added to the film.
+#[derive(Default)]
+pub struct Done {
+    /// Samples per pixel of each iteration.
+    pub schedule: Vec<u32>,
+    /// The error of the device that ended the render early. The film is that of the iterations before.
+    pub failure: Option<Error>,
+}
 
 /// Adds iterations until the budget is used or an interrupt arrives.
 pub struct Iterations<'a> {
@@ -22,13 +32,14 @@ pub struct Iterations<'a> {
 }
 
 impl Iterations<'_> {
-    /// Calls `watch` after every iteration, with the seconds of rendering so far. Returns the samples per pixel of each iteration.
+    /// Calls `watch` after every iteration, with the seconds of rendering so far. An error of the device is in the result if the film
+    /// has samples; other errors make this function fail.
     pub fn run(
         &self,
         renderer: &mut Renderer,
         progress: &mut Progress,
         watch: &mut dyn FnMut(&Renderer, f64, &mut Progress),
-    ) -> anyhow::Result<Vec<u32>> {
+    ) -> anyhow::Result<Done> {
         let Iterations { settings, shard, before, strict, stop } = *self;
         let (budget, started) = (settings.budget(), Instant::now());
         // The budget of this shard alone, to show its progress.
@@ -37,18 +48,23 @@ impl Iterations<'_> {
             other => other,
         };
         let earlier = Before { samples: renderer.film().samples(), seconds: before };
-        let mut schedule = vec![];
+        let mut done = Done::default();
         loop {
             renderer.go_to_next_of(shard);
             let elapsed = started.elapsed() + Duration::from_secs_f64(before);
             let samples = next_samples_of(shard, &budget, renderer.next(), renderer.film().samples(), elapsed);
             // If the image is certain to be black, two iterations are enough: they give a variance.
-            let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && schedule.len() == 2;
+            let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && done.schedule.len() == 2;
             if samples == 0 || black || stop.load(Ordering::Relaxed) {
-                return Ok(schedule);
+                return Ok(done);
             }
-            renderer.iterate(samples)?;
-            schedule.push(samples);
+            match renderer.iterate(samples) {
+                Err(error) if error.kind() == ErrorKind::Device && renderer.film().samples() > 0 => {
+                    return Ok(Done { failure: Some(error), ..done });
+                }
+                result => result?,
+            }
+            done.schedule.push(samples);
             let dropped = renderer.stats().dropped;
             if strict && dropped > 0 {
                 return Err(NotFinite { dropped }.into());

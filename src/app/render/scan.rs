@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use taugate::Error;
+use taugate::{Error, ErrorKind};
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
@@ -26,7 +26,7 @@ use super::super::preparation::Preparation;
 use super::super::progress::{Before, Position, duration, rays};
 use super::super::rescue::Rescue;
 use super::super::{feasible, memory};
-use super::{NotFinite, Outcome, Session, check_inputs, check_outputs, load_scene, of_file};
+use super::{NotFinite, Outcome, Session, after, check_inputs, check_outputs, load_scene, of_file};
 
 /// Measures all pairs of points and writes the array.
 pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
@@ -81,17 +81,22 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     let mut film = ScanFilm::new(&scan, settings.responses().len(), has_variance);
     let count = scan.laser_points.len();
     let (mut measured, mut samples) = (0, 0);
+    let mut failure = None;
     let started = Instant::now();
     while measured < count {
         scene.lights[laser] = scan.light(measured);
-        if !prepared.follow(&scene, &settings)? || !renderer.set_camera(&scan.camera(measured))? {
-            unreachable!("laser and sensor keep their places, and turn");
-        }
-        renderer.set_lights(&prepared, &settings)?;
-        renderer.restart(settings.seed().wrapping_add(measured as u32), settings.responses().clone())?;
-        let is_whole = measure(&mut renderer, &settings, count, strict, session)?;
-        if !is_whole {
-            break;
+        let turned = turn(&mut renderer, &mut prepared, &scene, &settings, &scan, measured);
+        let result = turned.map_err(anyhow::Error::from);
+        match result.and_then(|()| measure(&mut renderer, &settings, count, strict, session)) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(error) => match error.downcast::<Error>()? {
+                error if error.kind() == ErrorKind::Device && measured > 0 => {
+                    failure = Some(error);
+                    break;
+                }
+                error => return Err(error.into()),
+            },
         }
         film.set(measured, renderer.film(), renderer.responses());
         (measured, samples) = (measured + 1, renderer.film().samples());
@@ -133,7 +138,26 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     if !is_whole {
         session.progress.line(&format!("interrupted after {measured} points of the laser; the others are NaN"));
     }
-    Ok(if is_whole { Outcome::Done } else { Outcome::Interrupted }.code())
+    match failure {
+        Some(failure) => Err(after(failure, &format!("the {measured} points of the laser before it")).into()),
+        None => Ok(if is_whole { Outcome::Done } else { Outcome::Interrupted }.code()),
+    }
+}
+
+/// Prepares the renderer for point `number` of the laser. The last light of `scene` is the laser at that point.
+fn turn(
+    renderer: &mut Renderer,
+    prepared: &mut PreparedScene,
+    scene: &Scene,
+    settings: &Settings,
+    scan: &Scan,
+    number: usize,
+) -> Result<()> {
+    if !prepared.follow(scene, settings)? || !renderer.set_camera(&scan.camera(number))? {
+        unreachable!("laser and sensor keep their places, and turn");
+    }
+    renderer.set_lights(prepared, settings)?;
+    renderer.restart(settings.seed().wrapping_add(number as u32), settings.responses().clone())
 }
 
 /// The file of the array that the scan writes. Fails if the user wants other files.
