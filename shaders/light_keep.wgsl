@@ -2,13 +2,13 @@
 #import path
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
-@group(2) @binding(1) var<storage, read> splats: array<vec4<f32>>;
+@group(2) @binding(1) var<storage, read> splats: array<vec4<u32>>;
 @group(2) @binding(2) var<storage, read> splat_details: array<f32>;
 // Paths whose vertices are kept.
 @group(2) @binding(3) var<storage, read> list: array<u32>;
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
 @group(2) @binding(5) var<storage, read_write> kept_vertices: array<PathVertex>;
-@group(2) @binding(6) var<storage, read_write> kept_splats: array<vec4<f32>>;
+@group(2) @binding(6) var<storage, read_write> kept_splats: array<vec4<u32>>;
 // Number of the path in the batch, and the bits of the splat's MIS weight or travel time; see `splat_details` in light_splat.wgsl.
 @group(2) @binding(7) var<storage, read_write> kept_paths: array<vec2<u32>>;
 

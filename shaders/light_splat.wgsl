@@ -4,9 +4,10 @@
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
-// xyz: radiance of the pixel from this vertex. w: bits of the pixel's index in the crop, or NONE if there is no light. With
-// OBSERVE_TIMES, w holds the travel time.
-@group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
+// xyz: bits of the radiance of the pixel from this vertex. w: the pixel's index in the crop, or NONE if there is no light. With
+// OBSERVE_TIMES, w holds the bits of the travel time. All are integers, because a device may change floats that are denormal or no
+// numbers.
+@group(2) @binding(2) var<storage, read_write> splats: array<vec4<u32>>;
 // With OBSERVE_STRATEGIES, the MIS weights of the splats; `splats` is then not multiplied by them. With OBSERVE_RESPONSES, the
 // travel times.
 @group(2) @binding(3) var<storage, read_write> splat_details: array<f32>;
@@ -20,7 +21,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let slot = list[id.x];
     let v = vertices[slot];
-    splats[slot] = vec4<f32>(vec3<f32>(0.0), bitcast<f32>(NONE));
+    splats[slot] = vec4<u32>(vec3<u32>(0u), NONE);
     let pixel = pixel_of(v.position - frame.sensor);
     // If an event is the only vertex between a deterministic vertex and the sensor, only sensor subpaths form the path
     // (shared/fog.wgsl).
@@ -60,12 +61,12 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let reached = select(flight_density(depths.scattering), 1.0, HAS_ORTHOGRAPHIC);
     let weight = splat_weight(v, c, density * c.cosine / spread * reached);
     if (OBSERVE == OBSERVE_STRATEGIES) {
-        splats[slot] = vec4<f32>(value, bitcast<f32>(pixel));
+        splats[slot] = vec4<u32>(bitcast<vec3<u32>>(value), pixel);
         splat_details[slot] = weight;
         return;
     }
     if (OBSERVE == OBSERVE_RESPONSES) {
         splat_details[slot] = tau;
     }
-    splats[slot] = vec4<f32>(value * weight, select(bitcast<f32>(pixel), tau, OBSERVE == OBSERVE_TIMES));
+    splats[slot] = vec4<u32>(bitcast<vec3<u32>>(value * weight), select(pixel, bitcast<u32>(tau), OBSERVE == OBSERVE_TIMES));
 }

@@ -7,12 +7,10 @@ use std::sync::Arc;
 
 use super::compaction::{COUNTERS, Compaction};
 use super::device_scene::DeviceScene;
-#[cfg(doc)]
-use super::plan::Observe;
-use super::plan::Plan;
+use super::plan::{Observe, Plan};
 use super::pool::LightPool;
 use super::responses::Arrival;
-use super::stats::{Stats, stage};
+use super::stats::{Stats, computes_wrongly, stage};
 use crate::error::Result;
 use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, DeviceInfo, Kernel, Recorder};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
@@ -26,9 +24,8 @@ const BATCH: usize = 1 << 16;
 pub struct Splat {
     /// Contribution to the mean of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],
-    /// The row-major index of the pixel in the crop, as the bits of an f32; with [`Observe::Times`] the travel time in units of
-    /// the render space.
-    pub pixel_or_tau: f32,
+    /// The row-major index of the pixel in the crop; with [`Observe::Times`] the bits of the travel time in units of the render space.
+    pub pixel_or_tau: u32,
     /// With [`Observe::Strategies`] the MIS weight; with [`Observe::Responses`] the travel time in units of the render space;
     /// otherwise 1.
     pub weight_or_tau: f32,
@@ -36,30 +33,47 @@ pub struct Splat {
     pub s: u32,
 }
 
-/// Number of splats inside the gate, and number of splats that were dropped because they are not finite.
-#[derive(Default)]
+/// Counts the splats that the device wrote.
 struct Tally {
+    /// Number of pixels; NONE if the splats have no pixels.
+    pixels: u32,
     inside_gate: u64,
+    /// Splats that were dropped because they are not finite.
     dropped: u64,
+    /// Splats whose pixel does not exist.
+    misplaced: u64,
 }
 
 impl Tally {
+    fn new(plan: &Plan) -> Tally {
+        let pixels = if plan.observe == Observe::Times { NONE } else { plan.crop_pixels as u32 };
+        Tally { pixels, inside_gate: 0, dropped: 0, misplaced: 0 }
+    }
+
     /// Counts the splat that the device wrote and passes it to `visit`. Does nothing if the pixel is NONE: there is no splat.
-    fn report(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight_or_tau: f32, s: u32, visit: &mut impl FnMut(Splat)) {
-        if pixel_or_tau.to_bits() == NONE {
+    fn report(&mut self, [r, g, b, pixel_or_tau]: [u32; 4], weight_or_tau: f32, s: u32, visit: &mut impl FnMut(Splat)) {
+        if pixel_or_tau == NONE {
             return;
         }
-        if [r, g, b].iter().all(|value| value.is_finite()) {
+        let rgb = [r, g, b].map(f32::from_bits);
+        if pixel_or_tau >= self.pixels {
+            self.misplaced += 1;
+        } else if rgb.iter().all(|value| value.is_finite()) {
             self.inside_gate += 1;
-            visit(Splat { rgb: [r, g, b], pixel_or_tau, weight_or_tau, s });
+            visit(Splat { rgb, pixel_or_tau, weight_or_tau, s });
         } else {
             self.dropped += 1;
         }
     }
 
-    fn add_to(&self, stats: &mut Stats) {
+    /// Adds the counts to `stats`. Fails if a splat had no pixel of the image.
+    fn add_to(&self, stats: &mut Stats) -> Result<()> {
         stats.inside_gate += self.inside_gate;
         stats.dropped += self.dropped;
+        match self.misplaced {
+            0 => Ok(()),
+            n => Err(computes_wrongly(&format!("it saw {n} light vertices in pixels that do not exist"))),
+        }
     }
 }
 
@@ -124,7 +138,7 @@ impl<A: Allocate> Buffers<A> {
             states: to.buffer(BufferDesc::of::<PathState>("light path states", capacity, remedy))?,
             vertices: to.buffer(BufferDesc::of::<PathVertex>("new light vertices", capacity, remedy))?,
             list: to.buffer(BufferDesc::of::<u32>("living light paths", capacity, remedy))?,
-            splats: to.buffer(BufferDesc::of::<[f32; 4]>("light splats", capacity, remedy))?,
+            splats: to.buffer(BufferDesc::of::<[u32; 4]>("light splats", capacity, remedy))?,
             splat_details: to.buffer(BufferDesc::of::<f32>("details of splats", details, remedy))?,
             counters: to.read_back(BufferDesc::of::<u32>("counters", COUNTERS, remedy))?,
         })
@@ -147,12 +161,12 @@ impl Buffers {
 impl Splat {
     /// The splat of a plan with [`Observe::Responses`].
     pub fn arrival(&self) -> Arrival {
-        Arrival { pixel: self.pixel_or_tau.to_bits(), tau: self.weight_or_tau, rgb: self.rgb }
+        Arrival { pixel: self.pixel_or_tau, tau: self.weight_or_tau, rgb: self.rgb }
     }
 
     /// Adds the splat to the RGB image of the crop.
     pub fn add_to(&self, image: &mut [f32]) {
-        let at = self.pixel_or_tau.to_bits() as usize * 3;
+        let at = self.pixel_or_tau as usize * 3;
         (0..3).for_each(|k| image[at + k] += self.rgb[k]);
     }
 }

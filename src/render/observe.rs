@@ -5,6 +5,7 @@ use super::light::Splat;
 use super::plan::Observe;
 use super::samples::SampleCounts;
 use super::sensor::SensorContribution;
+use super::stats::computes_wrongly;
 use crate::error::Result;
 use crate::wgsl::layout::NONE;
 use crate::wgsl::layout::constants::{SKY_VERTEX, VERTEX_DEPTH};
@@ -36,7 +37,7 @@ impl Renderer {
         let show = &mut |splat: Splat| {
             let Splat { rgb, pixel_or_tau, weight_or_tau, s } = splat;
             let (pixel, tau_or_weight) =
-                if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight_or_tau) };
+                if times { (NONE, f32::from_bits(pixel_or_tau)) } else { (pixel_or_tau, weight_or_tau) };
             visit(Contribution { rgb, pixel, s, t: 1, ellipsoidal: false, tau_or_weight });
         };
         let pool = self.build_pool(&iteration, show)?;
@@ -44,17 +45,25 @@ impl Renderer {
         // Phase 3: sensor tracing and connection.
         let Renderer { plan, scene, sensor, stats, .. } = self;
         let share = 1.0 / samples as f32;
+        let mut missing = 0u64;
         let show = &mut |seen: SensorContribution| {
             let s = match seen.vertex {
                 None => 0,
                 Some(SKY_VERTEX) => 1,
-                Some(vertex) => (pool.vertices[vertex as usize].flags & VERTEX_DEPTH) + 1,
+                Some(vertex) => match pool.vertices.get(vertex as usize) {
+                    Some(vertex) => (vertex.flags & VERTEX_DEPTH) + 1,
+                    None => return missing += 1,
+                },
             };
             let rgb = seen.rgb.map(|x| x * share);
             let SensorContribution { pixel, t, ellipsoidal, tau_or_weight, .. } = seen;
             visit(Contribution { rgb, pixel, s, t, ellipsoidal, tau_or_weight });
         };
         sensor.prepare(plan, &iteration, scene, &pool, stats)?.observe(plan, &SampleCounts::Uniform(samples), show)?;
+
+        if missing > 0 {
+            return Err(computes_wrongly(&format!("it connected {missing} light vertices that do not exist")));
+        }
 
         self.finish_iteration(samples);
         Ok(())

@@ -144,10 +144,9 @@ impl Stats {
         if rays <= live && live <= tried {
             return Ok(());
         }
-        Err(Error::Device(format!(
-            "it computes wrongly: it counted {tried} tried connections, {live} of them inside the gate and {rays} shadow rays, and \
-             none of these numbers may exceed the one before; run taugate devices --check, update the driver, or choose \
-             another --device"
+        Err(computes_wrongly(&format!(
+            "it counted {tried} tried connections, {live} of them inside the gate and {rays} shadow rays, and none of these numbers \
+             may exceed the one before"
         )))
     }
 
@@ -160,6 +159,13 @@ impl Stats {
     pub fn rays(&self) -> u64 {
         self.closest_rays + self.shadow_rays
     }
+}
+
+/// The error of a device whose results contradict each other. `how` says in which way.
+pub(super) fn computes_wrongly(how: &str) -> Error {
+    Error::Device(format!(
+        "it computes wrongly: {how}; run taugate devices --check, update the driver, or choose another --device"
+    ))
 }
 
 fn add(to: &mut BTreeMap<String, f64>, name: &str, seconds: f64) {

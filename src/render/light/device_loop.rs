@@ -61,7 +61,7 @@ impl<A: Allocate> LoopBuffers<A> {
             ))?,
             arguments: to.buffer(words("dispatch arguments of light paths", ARGUMENTS))?,
             kept_vertices: to.read_back(BufferDesc::of::<PathVertex>("light vertices of all bounces", kept, remedy))?,
-            kept_splats: to.read_back(BufferDesc::of::<[f32; 4]>("light splats of all bounces", kept, remedy))?,
+            kept_splats: to.read_back(BufferDesc::of::<[u32; 4]>("light splats of all bounces", kept, remedy))?,
             kept_paths: to.read_back(BufferDesc::of::<[u32; 2]>("light paths of all bounces", kept, remedy))?,
         })
     }
@@ -152,14 +152,23 @@ impl DeviceLoop {
             })?;
             let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
             let left = counters[LIVING[until as usize % 2] as usize];
+            let kept_max = batch.count * (until - done);
+            let listed = total(LIVING[0]) + total(LIVING[1]);
+            if left > batch.count || left > listed || listed > kept_max + batch.count || total(KEPT) > kept_max {
+                return Err(computes_wrongly(&format!(
+                    "{} light paths gave {left} living paths, {listed} in all bounces, and {} vertices",
+                    batch.count,
+                    total(KEPT)
+                )));
+            }
             // A bounce traces one ray per path of its list. Round 0 traces no rays, and the last list is not traced yet.
             let before = if done == 0 { 0 } else { living };
-            let rays = u64::from(before + total(LIVING[0]) + total(LIVING[1]) - left);
+            let rays = u64::from(before + listed - left);
             stats.closest_rays += rays;
             stats.light_rays += rays;
             self.read_back_kept(subpaths, total(KEPT) as usize, stats)?;
             let kept = || self.collect_kept(plan, batch, total(KEPT) as usize, pool, visit);
-            stats.timed(stage::READ_LIGHT, kept)?.add_to(stats);
+            stats.timed(stage::READ_LIGHT, kept)?.add_to(stats)?;
             if plan.tuning.tile.is_none() {
                 self.rounds = ((f64::from(until - done) * size_factor(seconds)) as u32).clamp(1, self.capacity);
             }
@@ -219,7 +228,7 @@ impl DeviceLoop {
         }
         let r = &mut subpaths.recorder;
         r.read_back(&self.buffers.kept_vertices, (count * size_of::<PathVertex>()) as u64)?;
-        r.read_back(&self.buffers.kept_splats, (count * size_of::<[f32; 4]>()) as u64)?;
+        r.read_back(&self.buffers.kept_splats, (count * size_of::<[u32; 4]>()) as u64)?;
         r.read_back(&self.buffers.kept_paths, (count * size_of::<[u32; 2]>()) as u64)?;
         stats.submit(r)?;
         Ok(())
@@ -236,8 +245,11 @@ impl DeviceLoop {
         visit: &mut impl FnMut(Splat),
     ) -> Result<Tally> {
         let paths = self.buffers.kept_paths.with::<[u32; 2], _>(count, |paths| paths.to_vec())?;
-        let splats = self.buffers.kept_splats.with::<[f32; 4], _>(count, |splats| splats.to_vec())?;
-        let mut tally = Tally::default();
+        let splats = self.buffers.kept_splats.with::<[u32; 4], _>(count, |splats| splats.to_vec())?;
+        let mut tally = Tally::new(plan);
+        if paths.iter().any(|&[slot, _]| slot >= batch.count) {
+            return Err(computes_wrongly("it kept a vertex of a light path that does not exist"));
+        }
         self.buffers.kept_vertices.with::<PathVertex, _>(count, |vertices| {
             for ((vertex, splat), [slot, detail]) in vertices.iter().zip(splats).zip(paths) {
                 if batch.is_stored(plan, slot) {

@@ -43,7 +43,7 @@ impl Subpaths {
             stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
             if plan.splats {
                 let tally = stats.timed(stage::READ_LIGHT, || self.report_splats(plan, &living, bounce + 2, visit))?;
-                tally.add_to(stats);
+                tally.add_to(stats)?;
             }
             living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
         }
@@ -74,9 +74,9 @@ impl Subpaths {
 
     fn report_splats(&self, plan: &Plan, living: &[u32], s: u32, visit: &mut impl FnMut(Splat)) -> Result<Tally> {
         let n = self.vertices_in_use(living);
-        let mut tally = Tally::default();
+        let mut tally = Tally::new(plan);
         let details = self.buffers.splat_details.to_vec::<f32>(if plan.observe.has_splat_details() { n } else { 0 })?;
-        self.buffers.splats.with::<[f32; 4], _>(n, |splats| {
+        self.buffers.splats.with::<[u32; 4], _>(n, |splats| {
             for &slot in living {
                 let detail = details.get(slot as usize).copied().unwrap_or(1.0);
                 tally.report(splats[slot as usize], detail, s, visit);

@@ -2,12 +2,14 @@
 
 use glam::{DVec3, Vec3};
 
+use super::Tally;
 use crate::generate::stage::{camera, light};
 use crate::gpu::Device;
 use crate::oracle::fog::second_moment;
-use crate::render::Renderer;
+use crate::render::{Renderer, Stats};
 use crate::scene::{LightKind, Medium, PhaseFunction, Scene};
 use crate::settings::{Estimator, Settings};
+use crate::wgsl::layout::NONE;
 use crate::wgsl::layout::constants::VERTEX_IN_MEDIUM;
 
 /// Ends of the intervals of travel time, in mean free paths.
@@ -68,4 +70,19 @@ fn light_in_a_medium_spreads_as_the_closed_form_says() {
     // Negative control: a coefficient that is wrong by 5 %.
     let wrong = moments(0.0, 0.05);
     assert!(wrong.iter().any(|(ratio, error)| (ratio - 1.0).abs() > 5.0 * error), "{wrong:?}");
+}
+
+#[test]
+fn a_splat_in_no_pixel_blames_the_device() {
+    let mut tally = Tally { pixels: 4, inside_gate: 0, dropped: 0, misplaced: 0 };
+    let (one, mut seen) = (1.0f32.to_bits(), vec![]);
+    for (red, pixel) in [(one, 3), (one, NONE), (f32::NAN.to_bits(), 0)] {
+        tally.report([red, one, one, pixel], 1.0, 2, &mut |splat| seen.push(splat.pixel_or_tau));
+    }
+    let mut stats = Stats::default();
+    tally.add_to(&mut stats).unwrap();
+    assert_eq!((&seen[..], stats.inside_gate, stats.dropped), (&[3][..], 1, 1));
+    tally.report([one, one, one, 4], 1.0, 2, &mut |_| panic!("there is no pixel 4"));
+    let error = tally.add_to(&mut stats).unwrap_err().to_string();
+    assert!(error.contains("it computes wrongly"), "{error}");
 }
