@@ -17,7 +17,14 @@ pub trait Allocate {
     type ReadBack;
 
     fn buffer(&self, desc: BufferDesc) -> Result<Self::Buffer>;
-    fn read_back(&self, desc: BufferDesc) -> Result<Self::ReadBack>;
+
+    /// A buffer that the host reads after submits.
+    fn read_back(&self, desc: BufferDesc) -> Result<Self::ReadBack> {
+        self.read_back_if(true, desc)
+    }
+
+    /// As [`Allocate::read_back`] if `is_read`. Otherwise the host does not read the buffer, and there is no copy in host memory.
+    fn read_back_if(&self, is_read: bool, desc: BufferDesc) -> Result<Self::ReadBack>;
 }
 
 impl Allocate for Device {
@@ -28,8 +35,8 @@ impl Allocate for Device {
         Buffer::from_desc(self, &desc)
     }
 
-    fn read_back(&self, desc: BufferDesc) -> Result<ReadBack> {
-        ReadBack::from_desc(self, &desc.read_back())
+    fn read_back_if(&self, is_read: bool, desc: BufferDesc) -> Result<ReadBack> {
+        ReadBack::from_desc(self, &if is_read { desc.read_back() } else { desc })
     }
 }
 
@@ -56,8 +63,8 @@ impl Allocate for BufferList {
         Ok(())
     }
 
-    fn read_back(&self, desc: BufferDesc) -> Result<()> {
-        self.buffer(desc.read_back())
+    fn read_back_if(&self, is_read: bool, desc: BufferDesc) -> Result<()> {
+        self.buffer(if is_read { desc.read_back() } else { desc })
     }
 }
 
@@ -70,8 +77,9 @@ mod tests {
         let [a, b] = ["a", "b"].map(|name| BufferDesc::of::<u32>(name, 8, ""));
         let list = BufferList::of(|to| {
             to.read_back(b)?;
+            to.read_back_if(false, b)?;
             to.buffer(a)
         });
-        assert_eq!(list, [b.read_back(), a]);
+        assert_eq!(list, [b.read_back(), b, a]);
     }
 }

@@ -12,18 +12,17 @@ use crate::error::Result;
 /// of its own.
 pub struct ReadBack {
     pub(super) buffer: Buffer,
-    /// The copy in host memory; `None` if the host reads the buffer in place.
+    /// The copy in host memory; `None` if the host reads the buffer in place, or does not read it.
     pub(super) copy: Option<Buffer>,
 }
 
 impl ReadBack {
-    /// The buffer that `desc` describes, and its copy in host memory if one is needed. Panics if `desc.read_back` is false.
+    /// The buffer that `desc` describes, and its copy in host memory if one is needed.
     pub fn from_desc(device: &Device, desc: &BufferDesc) -> Result<ReadBack> {
-        assert!(desc.read_back, "the descriptor of {} does not say read_back", desc.name);
         let buffer = Buffer::from_desc(device, desc)?;
-        let copy = match buffer.is_mapped() {
-            true => None,
-            false => Some(Buffer::on_host(device, desc.name, buffer.size())?),
+        let copy = match desc.read_back && !buffer.is_mapped() {
+            true => Some(Buffer::on_host(device, desc.name, buffer.size())?),
+            false => None,
         };
         Ok(ReadBack { buffer, copy })
     }

@@ -62,6 +62,11 @@ pub enum Observe {
 }
 
 impl Observe {
+    /// Whether the host reads which light vertex each contribution comes from.
+    pub fn has_vertices(self) -> bool {
+        matches!(self, Observe::Times | Observe::Strategies)
+    }
+
     /// Whether the device reports a number for each splat (t = 1), beside its light and its pixel.
     pub fn has_splat_details(self) -> bool {
         matches!(self, Observe::Strategies | Observe::Responses)

@@ -19,6 +19,7 @@ use super::pool::DevicePool;
 use super::responses::{Arrival, ResponseSums};
 use super::samples::{MAX_SAMPLES_PER_PIXEL, SampleCounts};
 use super::stats::{Stats, stage};
+use super::submit_size::TileSize;
 use crate::error::Result;
 use crate::estimators::Ellipsoids;
 use crate::gpu::{BufferDesc, BufferList, Device, DeviceInfo, Recorder};
@@ -57,7 +58,7 @@ pub struct SensorTracer {
     /// Maximum number of paths in a tile that the buffers allow.
     capacity: usize,
     /// Maximum number of paths in the next tile, adapted to the time that submits take.
-    tile: usize,
+    tile: TileSize,
     /// Number of shade points that one submit queries, adapted in the same way.
     query_batch: usize,
     /// Work of one submit that searches for ellipsoids, adapted in the same way.
@@ -76,7 +77,7 @@ impl SensorTracer {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
         let mut buffers = stats.timed(stage::ALLOCATE, || Buffers::new(device, plan, capacity, slots as usize))?;
         buffers.bvh_parts.write(0, &plan.bvh_parts)?;
-        let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
+        let tile = TileSize::new(plan.tuning.tile.unwrap_or(1 << 13), capacity, plan.tuning.tile.is_some());
         Ok(SensorTracer {
             kernels,
             buffers,
@@ -141,9 +142,10 @@ impl SensorTracer {
         stop: &Arc<AtomicBool>,
         stats: &mut Stats,
     ) -> Result<bool> {
+        self.tile.begin(!self.abandoned);
         (self.stop, self.abandoned) = (stop.clone(), false);
         let mut tiles = Tiles::new(plan.crop, counts);
-        while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile)) {
+        while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile.get())) {
             let mut arrivals = vec![];
             self.run_tile(plan, bindings, tile, is_last, responses.is_some().then_some(&mut arrivals), stats)?;
             if self.is_abandoned() {

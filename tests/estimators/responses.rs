@@ -222,9 +222,13 @@ fn tiles_and_drive_do_not_change_the_bits() {
     let settings = binned(Estimator::Lcs, gates(5.0, 12.0, 20)).build().unwrap();
     let usual = bits(&rendered(renderer(&scene, &settings)));
     let tuning = Tuning { tile: Some(100), workgroup: 32 };
-    assert!(usual == bits(&rendered(tuned(&scene, &settings, tuning))), "a tile of 100 paths");
-    let card = Renderer::new(&open(Drive::CARD), &scene, &settings).unwrap();
-    assert!(usual == bits(&rendered(card)), "a graphics card");
+    let tiled = rendered(tuned(&scene, &settings, tuning));
+    assert!(usual == bits(&tiled), "a tile of 100 paths");
+    let card = rendered(Renderer::with_tuning(&open(Drive::CARD), &scene, &settings, tuning).unwrap());
+    assert!(usual == bits(&card), "a graphics card");
+    // The copies of the contributions join the submits of the bounces.
+    let [waits, expected] = [&card, &tiled].map(|renderer| renderer.stats().waits);
+    assert!(waits <= expected, "a graphics card waits {waits} times, not {expected} times");
     let other = settings.change().seed(9).build().unwrap();
     assert!(usual != bits(&rendered(renderer(&scene, &other))), "another seed");
 }

@@ -24,7 +24,7 @@ impl SensorTracer {
         }
         // The host reads the list lengths here, because even a dispatch over an empty list costs as much as tracing hundreds
         // of paths.
-        let counters = self.read_counters(stats)?;
+        let counters = self.read_counters(constants.count, stats)?;
         let shade_points = counters[SHADE as usize];
         if shade_points > 0 {
             self.query(bindings, constants, shade_points, stats)?;
@@ -121,7 +121,7 @@ impl SensorTracer {
         }
         self.record_counters()?;
         stats.submit(&mut self.recorder)?;
-        let candidates = self.read_counters(stats)?[CANDIDATES as usize] as usize;
+        let candidates = self.read_counters(constants.count, stats)?[CANDIDATES as usize] as usize;
         let mut done = 0;
         while done < candidates {
             // Few candidates at a time if the BVH has many parts, but enough to fill the cores.

@@ -1,7 +1,7 @@
 //! Renders one tile of sensor subpaths, from its samples to the film.
 
 use super::*;
-use crate::render::submit_size::next_tile_size;
+use crate::render::stats::computes_wrongly;
 
 /// Maximum number of bounces per submit if the host does not wait for each bounce. Few paths live longer.
 const MAX_BOUNCES_PER_SUBMIT: u32 = 16;
@@ -34,14 +34,12 @@ impl SensorTracer {
         };
         stats.timed(stage::RECORD, || self.record_film(bindings, &constants, is_last))?;
         longest = longest.max(stats.submit(&mut self.recorder)?);
-        let counters = self.read_counters(stats)?;
+        let counters = self.read_counters(constants.count, stats)?;
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
         stats.closest_rays += samples.len() as u64 + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
         stats.live_candidates += total(CANDIDATES);
-        if plan.tuning.tile.is_none() {
-            self.tile = next_tile_size(self.tile, samples.len(), is_last, longest, self.capacity);
-        }
+        self.tile.adapt(samples.len(), is_last, longest);
         Ok(())
     }
 
@@ -94,7 +92,7 @@ impl SensorTracer {
             if bounce > 0 && bounce % MAX_BOUNCES_PER_SUBMIT == 0 {
                 self.record_counters()?;
                 longest = longest.max(stats.submit(&mut self.recorder)?);
-                if self.read_counters(stats)?[LIVING[bounce as usize % 2] as usize] == 0 {
+                if self.read_counters(constants.count, stats)?[LIVING[bounce as usize % 2] as usize] == 0 {
                     break;
                 }
             }
@@ -118,10 +116,19 @@ impl SensorTracer {
         self.recorder.read_back(&self.buffers.counters, size_of::<[u32; COUNTERS]>() as u64)
     }
 
-    pub(super) fn read_counters(&self, stats: &mut Stats) -> Result<[u32; COUNTERS]> {
+    /// The counters of a tile of `paths` paths. Fails if a list is longer than it can be.
+    pub(super) fn read_counters(&self, paths: u32, stats: &mut Stats) -> Result<[u32; COUNTERS]> {
         let mut counters = [0u32; COUNTERS];
         let read = || self.buffers.counters.with(COUNTERS, |read| counters.copy_from_slice(read));
         stats.timed(stage::READ_COUNTERS, read)?;
+        let lengths = [LIVING[0], LIVING[1], SHADE, CANDIDATES].map(|list| counters[list as usize]);
+        let slots = paths * self.slots.max(1);
+        if lengths[..3].iter().any(|&length| length > paths) || lengths[3] > slots {
+            return Err(computes_wrongly(&format!(
+                "{paths} paths gave lists of {} and {} living paths, {} shade points and {} candidates",
+                lengths[0], lengths[1], lengths[2], lengths[3]
+            )));
+        }
         Ok(counters)
     }
 }
