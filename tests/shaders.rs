@@ -1,5 +1,6 @@
 //! Every kernel composes, validates and compiles. Host twins and shared constants agree with WGSL. These tests need no device.
 
+use taugate::internals::gpu::BufferCounts;
 use taugate::internals::gpu::shader::{self, Binding, Compiled, Source};
 use taugate::internals::render::material;
 use taugate::internals::wgsl::{SOURCES, layout};
@@ -55,6 +56,28 @@ fn every_kernel_compiles() {
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// A device is refused if it cannot bind the buffers of every kernel. With index checks, a kernel binds one more.
+#[test]
+fn kernels_bind_no_more_buffers_than_a_device_must_allow() {
+    let mut most = (0, 0);
+    for (path, text) in kernels() {
+        let (module, info) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
+        for index in 0..module.entry_points.len() {
+            // All features are present.
+            let uses = info.get_entry_point(index);
+            let count = |wanted: fn(&naga::AddressSpace) -> bool| {
+                let used = module.global_variables.iter().filter(|(handle, _)| !uses[*handle].is_empty());
+                used.filter(|(_, variable)| wanted(&variable.space)).count() as u32
+            };
+            let storage = count(|space| matches!(space, naga::AddressSpace::Storage { .. }));
+            let texels = count(|space| *space == naga::AddressSpace::Handle);
+            println!("{path} {index}: {storage} storage buffers, {texels} texel buffers");
+            most = (most.0.max(storage), most.1.max(texels));
+        }
+    }
+    assert_eq!((most.0 + 1, most.1), (BufferCounts::NEEDED.storage, BufferCounts::NEEDED.texels));
 }
 
 /// The host twins of all shared structs.

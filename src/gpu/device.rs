@@ -10,7 +10,7 @@ use ash::vk;
 use super::commands::Commands;
 use super::drive::Drive;
 use super::info::{DeviceInfo, choose};
-use super::instance::{Instance, device_error};
+use super::instance::{Instance, device_error, has_extension};
 use super::kernel::KernelCache;
 use super::shared::{Shared, lost_after};
 use super::staging::Staging;
@@ -45,8 +45,16 @@ impl Device {
         let instance = Instance::open()?;
         let (physical, infos): (Vec<_>, Vec<_>) = instance.devices()?.into_iter().unzip();
         let index = choose(&infos, selector)?;
-        let info = &infos[index];
-        open_physical(instance, physical[index], DeviceInfo { drive: drive.unwrap_or(info.drive), ..info.clone() })
+        let info = DeviceInfo { drive: drive.unwrap_or(infos[index].drive), ..infos[index].clone() };
+        let opened = open_physical(instance, physical[index], info);
+        // A user who chose the device knows about the others.
+        opened.map_err(|error| match error {
+            Error::Device(message) if selector.is_none() && infos.len() > 1 => {
+                let name = &infos[index].name;
+                Error::Device(format!("{name} cannot be used: {message}; choose another device with --device"))
+            }
+            error => error,
+        })
     }
 
     /// Whether both stand for one open device, so that one may use the buffers of the other.
@@ -91,31 +99,45 @@ impl Device {
     }
 }
 
+/// Index of the first family of queues for compute alone, or else of the first one for compute. On a queue that also draws the desktop,
+/// long submits would make the desktop stutter.
+fn queue_family(families: &[vk::QueueFamilyProperties]) -> Option<usize> {
+    let computes = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::COMPUTE);
+    let alone = families.iter().position(|f| computes(f) && !f.queue_flags.contains(vk::QueueFlags::GRAPHICS));
+    alone.or_else(|| families.iter().position(computes))
+}
+
 /// Opens `physical`, a device of `instance`.
 fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceInfo) -> Result<Device> {
     let lost_after = lost_after()?;
     let of = &instance.handle;
     // SAFETY: `physical` belongs to the instance.
-    let (families, memory, properties) = unsafe {
+    let (families, memory, properties, offered) = unsafe {
         (
             of.get_physical_device_queue_family_properties(physical),
             of.get_physical_device_memory_properties(physical),
             of.get_physical_device_properties(physical),
+            of.enumerate_device_extension_properties(physical).unwrap_or_default(),
         )
     };
-    let family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)).ok_or_else(|| {
+    let family = queue_family(&families).ok_or_else(|| {
         Error::Device(format!("{} has no compute queue; choose another device with --device", info.name))
     })?;
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family as u32).queue_priorities(&priorities)];
-    let create = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+    // Vulkan requires that a program enables this extension where a device has it.
+    let extensions = match has_extension(&offered, ash::khr::portability_subset::NAME) {
+        true => vec![ash::khr::portability_subset::NAME.as_ptr()],
+        false => vec![],
+    };
+    let create = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
     // SAFETY: every structure outlives the call. The family has at least one queue.
     let (device, queue) = unsafe {
         let device = of.create_device(physical, &create, None).map_err(|e| device_error("opening the device", e))?;
         let queue = device.get_device_queue(family as u32, 0);
         (device, queue)
     };
-    let has_timestamps = families[family].timestamp_valid_bits == 64;
+    let timestamp_bits = families[family].timestamp_valid_bits;
     // From here on, `drop` destroys the device, even after an error.
     let mut shared = Shared {
         device,
@@ -123,7 +145,8 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         queue_family: family as u32,
         memory,
         cache: vk::PipelineCache::null(),
-        timestamp_ns: if has_timestamps { properties.limits.timestamp_period.into() } else { 0.0 },
+        timestamp_bits,
+        timestamp_ns: if timestamp_bits > 0 { properties.limits.timestamp_period.into() } else { 0.0 },
         info,
         bytes: AtomicU64::new(0),
         waits: AtomicU64::new(0),
@@ -137,4 +160,19 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
     let shared = Arc::new(shared);
     let staging = Arc::new(Mutex::new(Staging::new(shared.clone())));
     Ok(Device { shared, staging, kernels: Arc::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_queue_for_compute_alone_is_preferred() {
+        let family = |queue_flags| vk::QueueFamilyProperties { queue_flags, ..Default::default() };
+        let (graphics, compute) = (vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE, vk::QueueFlags::COMPUTE);
+        let transfer = vk::QueueFlags::TRANSFER;
+        assert_eq!(queue_family(&[graphics, transfer, compute, compute].map(family)), Some(2));
+        assert_eq!(queue_family(&[transfer, graphics].map(family)), Some(1));
+        assert_eq!(queue_family(&[transfer].map(family)), None);
+    }
 }

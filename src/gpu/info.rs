@@ -43,6 +43,8 @@ pub struct DeviceInfo {
     pub max_texels: u64,
     /// Maximum size of one allocation, in bytes.
     pub max_allocation: u64,
+    /// Maximum numbers of buffers that a kernel may bind.
+    pub max_buffers: BufferCounts,
     /// Number of invocations in a subgroup.
     pub subgroup_size: u32,
     /// Maximum number of invocations in a workgroup.
@@ -51,6 +53,9 @@ pub struct DeviceInfo {
     pub quirks: Quirks,
     /// How the host drives the device.
     pub drive: Drive,
+    /// Whether the driver translates Vulkan to another interface and passes only a part of Vulkan's tests: Mesa's Dozen, which
+    /// Windows offers to Linux (WSL). Software is preferred.
+    pub is_incomplete: bool,
     /// The reason why taugate cannot render on the device; `None` if it can.
     pub unusable: Option<&'static str>,
 }
@@ -82,10 +87,12 @@ impl DeviceInfo {
             max_storage_buffer_range: u64::MAX,
             max_texels: u64::MAX,
             max_allocation: u64::MAX,
+            max_buffers: BufferCounts::UNLIMITED,
             subgroup_size: 0,
             max_workgroup_invocations: 0,
             quirks: Quirks::NONE,
             drive: Drive::CPU,
+            is_incomplete: false,
             unusable: None,
         }
     }
@@ -105,6 +112,42 @@ pub(super) fn max_texels_forced() -> Result<u64> {
     }
 }
 
+/// Numbers of buffers that a kernel binds, or that a device lets a kernel bind. Vulkan guarantees 4 storage buffers and 16 texel
+/// buffers, but nearly all devices allow more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct BufferCounts {
+    /// Buffers that kernels read and write.
+    pub storage: u32,
+    /// Buffers that kernels only read, as texels.
+    pub texels: u32,
+    /// Both together.
+    pub all: u32,
+}
+
+impl BufferCounts {
+    /// Maximum numbers of buffers that a kernel of taugate binds. One storage buffer is for index checks.
+    pub const NEEDED: BufferCounts = BufferCounts { storage: 16, texels: 13, all: 29 };
+    const UNLIMITED: BufferCounts = BufferCounts { storage: u32::MAX, texels: u32::MAX, all: u32::MAX };
+
+    fn allowed_by(limits: &vk::PhysicalDeviceLimits) -> BufferCounts {
+        // Vulkan counts a texel buffer as a sampled image.
+        BufferCounts {
+            storage: limits.max_per_stage_descriptor_storage_buffers.min(limits.max_descriptor_set_storage_buffers),
+            texels: limits.max_per_stage_descriptor_sampled_images.min(limits.max_descriptor_set_sampled_images),
+            all: limits.max_per_stage_resources,
+        }
+    }
+
+    /// Whether a kernel with these buffers can run where `allowed` may be bound.
+    pub fn fits(self, allowed: BufferCounts) -> bool {
+        self.storage <= allowed.storage && self.texels <= allowed.texels && self.all <= allowed.all
+    }
+}
+
+/// The remedy where there is no driver that works.
+pub(super) const NO_DRIVER: &str = "run ./setup.sh to install the software device; a container sees an NVIDIA card only with \
+                                    NVIDIA_DRIVER_CAPABILITIES=graphics";
+
 pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
@@ -121,11 +164,13 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
     // SAFETY: as above.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let p = properties.properties;
+    let max_buffers = BufferCounts::allowed_by(&p.limits);
     let unusable = match p.api_version {
         version if version < vk::API_VERSION_1_1 => Some("its driver is older than Vulkan 1.1; update the driver"),
         _ if !families.iter().any(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)) => {
             Some("it has no compute queue")
         }
+        _ if !BufferCounts::NEEDED.fits(max_buffers) => Some("it lets a kernel use too few buffers at a time"),
         _ => None,
     };
     let heap_bytes = memory
@@ -161,32 +206,29 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         max_storage_buffer_range: p.limits.max_storage_buffer_range.into(),
         max_texels: p.limits.max_texel_buffer_elements.into(),
         max_allocation: maintenance.max_memory_allocation_size,
+        max_buffers,
         subgroup_size: subgroup.subgroup_size,
         max_workgroup_invocations: p.limits.max_compute_work_group_invocations,
         quirks: Quirks::of(driver.driver_id),
         drive: Drive::of(has_cached_memory, kind == DeviceKind::Software),
+        is_incomplete: driver.driver_id == vk::DriverId::MESA_DOZEN,
         unusable,
     }
 }
 
 /// Index in `infos` of the device that `selector` gives, by number or by a part of its name. Without a selector, index of the
-/// first usable device of the preferred kind. Fails if no device matches, or if the device is unusable.
+/// first usable device of the preferred kind; devices with incomplete drivers come last. Fails if no device matches, or if the device is unusable.
 pub(super) fn choose(infos: &[DeviceInfo], selector: Option<&str>) -> Result<usize> {
     if infos.is_empty() {
-        return Err(Error::Device(
-            "no Vulkan device on this machine; run ./setup.sh to install the software device".into(),
-        ));
+        return Err(Error::Device(format!("no Vulkan device on this machine; {NO_DRIVER}")));
     }
     let Some(selector) = selector else {
         // `min_by_key` returns the first device of the preferred kind.
         let usable = infos.iter().enumerate().filter(|(_, d)| d.unusable.is_none());
-        return usable.min_by_key(|(_, d)| d.kind).map(|(index, _)| index).ok_or_else(|| {
+        return usable.min_by_key(|(_, d)| (d.is_incomplete, d.kind)).map(|(index, _)| index).ok_or_else(|| {
             let reasons: Vec<String> =
                 infos.iter().map(|d| format!("{}: {}", d.name, d.unusable.unwrap_or_default())).collect();
-            Error::Device(format!(
-                "no device can be used ({}); run ./setup.sh to install the software device",
-                reasons.join(", ")
-            ))
+            Error::Device(format!("no device can be used ({}); {NO_DRIVER}", reasons.join(", ")))
         });
     };
     let by_number = selector.parse::<usize>().ok().filter(|&i| i < infos.len());
@@ -222,6 +264,33 @@ mod tests {
             assert_eq!(choose(&infos[..n], None).unwrap(), n - 1);
         }
         assert_eq!(choose(&infos, None).unwrap(), 4);
+    }
+
+    #[test]
+    fn an_incomplete_driver_comes_last() {
+        let dozen = DeviceInfo { is_incomplete: true, ..device("a card under Windows", DeviceKind::Discrete, None) };
+        let infos = [dozen, device("software", DeviceKind::Software, None)];
+        assert_eq!(choose(&infos, None).unwrap(), 1);
+        assert_eq!(choose(&infos[..1], None).unwrap(), 0);
+    }
+
+    #[test]
+    fn a_device_must_let_kernels_bind_all_their_buffers() {
+        let limits = |storage, texels, all| {
+            BufferCounts::allowed_by(&vk::PhysicalDeviceLimits {
+                max_per_stage_descriptor_storage_buffers: storage,
+                max_descriptor_set_storage_buffers: 1000,
+                max_per_stage_descriptor_sampled_images: texels,
+                max_descriptor_set_sampled_images: 1000,
+                max_per_stage_resources: all,
+                ..Default::default()
+            })
+        };
+        assert!(BufferCounts::NEEDED.fits(limits(1000, 1000, 1000)));
+        // The least that Vulkan allows, a Raspberry Pi, and too few of both together.
+        for too_few in [limits(4, 16, 128), limits(8, 16, 128), limits(1000, 1000, 20)] {
+            assert!(!BufferCounts::NEEDED.fits(too_few), "{too_few:?}");
+        }
     }
 
     #[test]

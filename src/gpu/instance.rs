@@ -5,7 +5,7 @@ use std::ffi::CStr;
 use ash::vk;
 
 use super::drive::Drive;
-use super::info::{DeviceInfo, describe, max_texels_forced};
+use super::info::{DeviceInfo, NO_DRIVER, describe, max_texels_forced};
 use crate::error::{Error, Result};
 
 /// A Vulkan instance, with the validation layers if the user asked for them.
@@ -43,10 +43,19 @@ impl Instance {
         })?;
         let app = vk::ApplicationInfo::default().application_name(c"taugate").api_version(vk::API_VERSION_1_2);
         let layers = if validating() { vec![c"VK_LAYER_KHRONOS_validation".as_ptr()] } else { vec![] };
-        let extensions = if validating() { vec![ash::ext::debug_utils::NAME.as_ptr()] } else { vec![] };
+        let mut extensions = if validating() { vec![ash::ext::debug_utils::NAME.as_ptr()] } else { vec![] };
+        // Without this extension, the loader hides drivers that lack a part of Vulkan, such as MoltenVK on macOS.
+        // SAFETY: the call needs nothing but the loader.
+        let offered = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
+        let mut flags = vk::InstanceCreateFlags::empty();
+        if has_extension(&offered, ash::khr::portability_enumeration::NAME) {
+            extensions.push(ash::khr::portability_enumeration::NAME.as_ptr());
+            flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
+        }
         let sync = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&sync);
         let mut info = vk::InstanceCreateInfo::default()
+            .flags(flags)
             .application_info(&app)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&extensions);
@@ -56,7 +65,7 @@ impl Instance {
         // SAFETY: `info` and all it points to live until the call returns.
         let handle = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
-                Error::Device("no Vulkan driver on this machine; run ./setup.sh to install the software driver".into())
+                Error::Device(format!("no Vulkan driver on this machine; {NO_DRIVER}"))
             }
             e => device_error("starting Vulkan", e),
         })?;
@@ -103,6 +112,11 @@ impl Drop for Instance {
             self.handle.destroy_instance(None);
         }
     }
+}
+
+/// Whether `offered` has the extension `name`.
+pub(super) fn has_extension(offered: &[vk::ExtensionProperties], name: &CStr) -> bool {
+    offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name))
 }
 
 fn validating() -> bool {

@@ -30,7 +30,7 @@ pub use buffer::Buffer;
 pub use buffer_desc::BufferDesc;
 pub use device::Device;
 pub use drive::Drive;
-pub use info::{DeviceInfo, DeviceKind};
+pub use info::{BufferCounts, DeviceInfo, DeviceKind};
 pub use kernel::Kernel;
 pub use quirks::Quirks;
 pub use read_back::ReadBack;

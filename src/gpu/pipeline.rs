@@ -8,6 +8,7 @@ use ash::vk;
 use super::bounds;
 use super::buffer::Buffer;
 use super::device::Device;
+use super::info::BufferCounts;
 use super::shader::{self, Binding, Source};
 use super::shared::Shared;
 use crate::error::{Error, Result};
@@ -39,6 +40,14 @@ impl Pipeline {
     pub fn new(device: &Device, source: Arc<Source>, storage: Vec<String>) -> Result<Pipeline> {
         let compiled = shader::compile(&source, &storage)?;
         let shared = &device.shared;
+        let texels = compiled.bindings.iter().filter(|b| b.texels).count() as u32;
+        let all = compiled.bindings.len() as u32;
+        if !(BufferCounts { storage: all - texels, texels, all }).fits(shared.info.max_buffers) {
+            return Err(Error::Device(format!(
+                "{} lets a kernel use too few buffers at a time; choose another device with --device",
+                shared.info.name
+            )));
+        }
         let groups = compiled.bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
         let violation = match compiled.places.is_empty() {
             true => None,

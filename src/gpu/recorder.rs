@@ -190,7 +190,7 @@ impl Recorder {
             .map_err(|e| shared.error("reading timestamps", e))?;
         let mut timing: Timing = vec![];
         for (pair, &label) in ticks.windows(2).zip(&self.labels[1..]) {
-            let seconds = pair[1].saturating_sub(pair[0]) as f64 * shared.timestamp_ns * 1e-9;
+            let seconds = ticks_between(pair[0], pair[1], shared.timestamp_bits) as f64 * shared.timestamp_ns * 1e-9;
             match timing.iter_mut().find(|(l, _)| *l == label) {
                 Some((_, sum)) => *sum += seconds,
                 None => timing.push((label, seconds)),
@@ -200,9 +200,31 @@ impl Recorder {
     }
 }
 
+/// Number of ticks from one timestamp to a later one, of which `bits` bits count (1 to 64). The counter may have wrapped around once.
+fn ticks_between(from: u64, to: u64, bits: u32) -> u64 {
+    to.wrapping_sub(from) & (u64::MAX >> (64 - bits.clamp(1, 64)))
+}
+
 impl Drop for Recorder {
     fn drop(&mut self) {
         // SAFETY: `submit` has waited for the device, so the device does not use the pool.
         unsafe { self.device.shared.device.destroy_query_pool(self.queries, None) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn timestamps_of_any_width_give_a_duration() {
+        for bits in [1, 32, 36, 63, 64] {
+            let last = u64::MAX >> (64 - bits);
+            assert_eq!(ticks_between(last - 1, last, bits), 1, "{bits} bits");
+            assert_eq!(ticks_between(last, 0, bits), 1, "{bits} bits: the counter wraps around");
+        }
+        // The bits above the valid ones are undefined.
+        assert_eq!(ticks_between(0xf0_0000_0000 | 5, 0x70_0000_0000 | 12, 36), 7);
+        assert_eq!(ticks_between(9, 9, 36), 0);
     }
 }

@@ -17,6 +17,8 @@ pub(super) struct Shared {
     pub queue_family: u32,
     pub memory: vk::PhysicalDeviceMemoryProperties,
     pub cache: vk::PipelineCache,
+    /// Number of bits that count in a timestamp of the queue.
+    pub timestamp_bits: u32,
     /// Nanoseconds per timestamp tick; 0 if the queue has no timestamps.
     pub timestamp_ns: f64,
     pub info: DeviceInfo,
