@@ -5,6 +5,7 @@ use bytemuck::Zeroable;
 use super::device_scene::DeviceScene;
 use super::plan::{Iteration, Plan};
 use super::prepared_scene::PreparedScene;
+use super::stats::computes_wrongly;
 use crate::error::Result;
 use crate::gpu::{Buffer, Device, Kernel, Recorder};
 use crate::scene::Scene;
@@ -63,10 +64,20 @@ pub fn first_surfaces(
         let constants = Dispatch { first, count, ..Dispatch::zeroed() };
         recorder.dispatch("first_surface", &kernel, &bindings, &constants, kernel.groups(count as usize))?;
         recorder.submit()?;
-        surfaces.with::<[u32; 8], _>(count as usize, |surfaces| {
+        let are_right = surfaces.with::<[u32; 8], _>(count as usize, |surfaces| {
             let seen = surfaces.iter().enumerate().filter(|(_, words)| words[7] != NONE);
-            seen.for_each(|(i, words)| visit(first as usize + i, unpack(words, prepared.space.unit)));
+            let mut seen = seen.map(|(i, words)| (first as usize + i, unpack(words, prepared.space.unit)));
+            seen.all(|(pixel, surface)| {
+                let exists = (surface.instance as usize) < scene.instances.len();
+                if exists {
+                    visit(pixel, surface);
+                }
+                exists
+            })
         })?;
+        if !are_right {
+            return Err(computes_wrongly("it saw an object that does not exist"));
+        }
     }
     Ok(())
 }
