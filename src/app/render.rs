@@ -304,7 +304,9 @@ impl Session {
             strategies::report_interrupted(&self.progress);
         }
         if let Some(failure) = failure {
-            return Err(after(failure, &format!("the {} samples per pixel before it", renderer.film().samples())).into());
+            return Err(
+                after(failure, &format!("the {} samples per pixel before it", renderer.film().samples())).into()
+            );
         }
         if self.is_sequence {
             self.ready = Some(ready);

@@ -60,7 +60,9 @@ fn a_lost_device_does_not_take_the_image_with_it() {
         let message = lost_after("150", here, &lost);
         let samples = message.split("the files hold the ").nth(1).unwrap_or_else(|| panic!("{message}"));
         let samples = samples.split(' ').next().unwrap();
-        assert!(crate::taugate(here, &[&render[..], &["whole.exr", "--spp", samples], &gates].concat()).status.success());
+        assert!(
+            crate::taugate(here, &[&render[..], &["whole.exr", "--spp", samples], &gates].concat()).status.success()
+        );
         let [lost, whole] = ["lost.exr", "whole.exr"].map(|name| read_picture(&here.join(name)).unwrap());
         assert!(lost.rgb == whole.rgb && lost.variance == whole.variance, "{gates:?}: {samples} samples");
     }
@@ -79,7 +81,8 @@ fn a_lost_device_leaves_the_points_of_a_scan() {
     std::fs::write(here.join("scan.toml"), scan).unwrap();
     let message = lost_after("300", here, &["render", "scan.toml", "-o", "out.npy"]);
     let about = std::fs::read_to_string(here.join("out.json")).unwrap();
-    let measured = serde_json::from_str::<serde_json::Value>(&about).unwrap()["measured_laser_points"].as_u64().unwrap();
+    let measured =
+        serde_json::from_str::<serde_json::Value>(&about).unwrap()["measured_laser_points"].as_u64().unwrap();
     assert!((1..400).contains(&measured), "{measured}");
     assert!(message.contains(&format!("the files hold the {measured} points of the laser before it")), "{message}");
 }

@@ -3,11 +3,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use taugate::{Error, ErrorKind};
 use taugate::internals::render::Renderer;
 use taugate::internals::render::schedule::{next_samples_of, samples_of_shard};
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Budget, Settings};
+use taugate::{Error, ErrorKind};
 
 use super::super::progress::{Before, Position, Progress};
 use super::NotFinite;

@@ -5,7 +5,6 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use taugate::{Error, ErrorKind};
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
@@ -20,6 +19,7 @@ use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, check_aime
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::table::OutputTable;
 use taugate::internals::settings::{Budget, Sampling, Settings};
+use taugate::{Error, ErrorKind};
 
 use super::super::interrupts::Interrupt;
 use super::super::preparation::Preparation;

@@ -74,7 +74,11 @@ impl Kernels {
         };
         let candidates = || {
             let mut all = shared();
-            all.extend([("source", b.shade_list.buffer()), ("list_a", b.slot_list.buffer()), ("list_b", b.shade_list.buffer())]);
+            all.extend([
+                ("source", b.shade_list.buffer()),
+                ("list_a", b.slot_list.buffer()),
+                ("list_b", b.shade_list.buffer()),
+            ]);
             all
         };
         let shade = || {

@@ -66,7 +66,8 @@ impl SensorTracer {
             if self.is_abandoned() {
                 break;
             }
-            let seen = Seen { bounce, traced, shade_points: self.read_counters(constants.count, stats)?[SHADE as usize] };
+            let seen =
+                Seen { bounce, traced, shade_points: self.read_counters(constants.count, stats)?[SHADE as usize] };
             stats.timed(stage::RECORD, || self.record_report(plan, tile, &seen))?;
             longest = longest.max(stats.submit(&mut self.recorder)?);
             stats.timed(stage::READ_FILM, || self.report(plan, tile, &seen, visit))?;
