@@ -54,6 +54,20 @@ fn cosine_and_sine(phi: f32) -> vec2<f32> {
     return select(turned, -turned, (u32(quarter) & 2u) != 0u);
 }
 
+// Angle of the vector p, in [-pi, pi], to float precision (Cephes, Moshier 1992). Vulkan allows atan2 an error of 4096 ulp.
+fn angle_of(p: vec2<f32>) -> f32 {
+    let size = abs(p);
+    let ratio = min(size.x, size.y) / max(size.x, size.y);
+    let is_large = ratio > 0.41421356;
+    let t = select(ratio, (ratio - 1.0) / (ratio + 1.0), is_large);
+    let t2 = t * t;
+    let series = ((8.05374449538e-2 * t2 - 1.38776856032e-1) * t2 + 1.99777106478e-1) * t2 - 3.33329491539e-1;
+    let first = select(0.0, 0.25 * PI, is_large) + (series * t2 * t + t);
+    let octants = select(first, 0.5 * PI - first, size.y > size.x);
+    let upper = select(octants, PI - octants, p.x < 0.0);
+    return select(upper, -upper, p.y < 0.0);
+}
+
 // Cosine-distributed unit direction around +z from two uniforms. Density per solid angle: cos(theta) / pi.
 fn cosine_hemisphere(u: vec2<f32>) -> vec3<f32> {
     let r = sqrt(u.x);

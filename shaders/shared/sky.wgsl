@@ -44,8 +44,8 @@ fn load_sky_texel(header: SkyHeader, row: u32, column: u32) -> vec4<u32> {
 // The sky in the direction w (unit). The centre of the image is +X, and -Z is at a quarter of its width.
 fn sky_towards(w: vec3<f32>) -> SkySample {
     let header = load_sky();
-    let theta = atan2(length(w.xz), w.y);
-    let phi = select(atan2(w.z, w.x), 0.0, all(w.xz == vec2<f32>(0.0)));
+    let theta = angle_of(vec2<f32>(w.y, length(w.xz)));
+    let phi = select(angle_of(w.xz), 0.0, all(w.xz == vec2<f32>(0.0)));
     let place = vec2<f32>(phi / (2.0 * PI) + 0.5, theta / PI) * vec2<f32>(f32(header.width), f32(header.height));
     let texel = min(vec2<u32>(max(place, vec2<f32>(0.0))), vec2<u32>(header.width - 1u, header.height - 1u));
     let row = load_sky_row(texel.y);
