@@ -304,9 +304,8 @@ impl Session {
             strategies::report_interrupted(&self.progress);
         }
         if let Some(failure) = failure {
-            return Err(
-                after(failure, &format!("the {} samples per pixel before it", renderer.film().samples())).into()
-            );
+            let samples = renderer.film().samples();
+            return Err(after(failure, &format!("the {samples} samples per pixel before the error")).into());
         }
         if self.is_sequence {
             self.ready = Some(ready);

@@ -84,5 +84,8 @@ fn a_lost_device_leaves_the_points_of_a_scan() {
     let measured =
         serde_json::from_str::<serde_json::Value>(&about).unwrap()["measured_laser_points"].as_u64().unwrap();
     assert!((1..400).contains(&measured), "{measured}");
-    assert!(message.contains(&format!("the files hold the {measured} points of the laser before it")), "{message}");
+    assert!(
+        message.contains(&format!("the files hold the {measured} points of the laser before the error")),
+        "{message}"
+    );
 }

@@ -139,7 +139,7 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         session.progress.line(&format!("interrupted after {measured} points of the laser; the others are NaN"));
     }
     match failure {
-        Some(failure) => Err(after(failure, &format!("the {measured} points of the laser before it")).into()),
+        Some(failure) => Err(after(failure, &format!("the {measured} points of the laser before the error")).into()),
         None => Ok(if is_whole { Outcome::Done } else { Outcome::Interrupted }.code()),
     }
 }
