@@ -154,6 +154,7 @@ impl Bench {
                 break;
             }
         }
+        rows.retain(|row| self.shows(row));
         if rows.is_empty() {
             progress.line("nothing was finished; no report was written");
             return Ok(code);
@@ -199,7 +200,14 @@ impl Bench {
         Ok(())
     }
 
-    /// Rows of an earlier run that are still valid: their scenes, settings, time and renderer are the same.
+    /// Whether the report shows a row. Rows of scenes that this run leaves out stay in the table alone. Rows of further repetitions
+    /// come from an earlier run.
+    fn shows(&self, row: &Row) -> bool {
+        row.repetition < self.suite.repetitions && self.present.iter().any(|(at, _)| self.scene(*at).name == row.scene)
+    }
+
+    /// Rows of an earlier run that are still valid: their settings, time and renderer are the same. Keeps all rows of scenes that
+    /// this run leaves out.
     fn kept(&self, resume: bool, progress: &Progress) -> Result<Vec<Row>> {
         let path = self.results();
         if !path.exists() {
@@ -211,15 +219,15 @@ impl Bench {
         }
         let mut rows = table::read(&path)?;
         let known = |row: &Row| {
-            self.present.iter().any(|(at, entries)| {
-                self.scene(*at).name == row.scene
-                    && entries.iter().any(|e| e.variant == row.variant && self.fingerprint(e) == row.fingerprint)
+            let present = self.present.iter().find(|(at, _)| self.scene(*at).name == row.scene);
+            present.is_none_or(|(_, entries)| {
+                entries.iter().any(|e| e.variant == row.variant && self.fingerprint(e) == row.fingerprint)
             })
         };
         let all = rows.len();
         rows.retain(known);
         if rows.len() < all {
-            let old = path.with_file_name("results.old.csv");
+            let old = unused(|n| path.with_file_name(format!("results.old{n}.csv")));
             std::fs::copy(&path, &old).map_err(|e| Error::File { path: old.clone(), message: e.to_string() })?;
             progress.line(&format!(
                 "note: {} of {all} rows of {} are by another version of the renderer, or for other settings or times, and are ignored; \
@@ -298,7 +306,7 @@ impl Bench {
                         nearness(trimmed, summary::trimmed),
                         self.remedy()
                     ));
-                    table::write(&self.refused(), &new)?;
+                    self.keep_refused(&scene.name, new)?;
                     return Ok(Verdict::Refused);
                 }
             }
@@ -313,6 +321,15 @@ impl Bench {
             table::write(&self.results(), rows)?;
         }
         Ok(Verdict::Measured)
+    }
+
+    /// Writes the rows of a refused scene over those of its earlier refusal, and keeps the rows of other scenes.
+    fn keep_refused(&self, scene: &str, new: Vec<Row>) -> Result<()> {
+        let path = self.refused();
+        let mut rows = if path.exists() { table::read(&path)? } else { vec![] };
+        rows.retain(|row| row.scene != scene);
+        rows.extend(new);
+        table::write(&path, &rows)
     }
 
     fn keep_images(&self, job: &Job, race: &Race) -> Result<()> {
@@ -331,11 +348,9 @@ impl Bench {
         let scenes: Vec<(String, Vec<Entry>)> =
             self.present.iter().map(|(at, entries)| (self.scene(*at).name.clone(), entries.clone())).collect();
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-        // An earlier run may have had more repetitions.
-        let rows: Vec<Row> = rows.iter().filter(|row| row.repetition < self.suite.repetitions).cloned().collect();
         let page = Page {
             suite: &self.suite,
-            rows: &rows,
+            rows,
             scenes: &scenes,
             references: &self.references,
             missing: &self.skipped,
@@ -347,9 +362,9 @@ impl Bench {
         let path = report::write(&self.out, &page)?;
         progress.finish();
         for (scene, _) in &scenes {
-            super::print(&text(scene, &summary::lines(&rows, scene)))?;
+            super::print(&text(scene, &summary::lines(rows, scene)))?;
         }
-        super::print(&growth::section(&growth::growth(&self.suite, &rows)))?;
+        super::print(&growth::section(&growth::growth(&self.suite, rows)))?;
         if !args.quiet {
             progress.line(&format!("{}, {}", path.display(), self.results().display()));
         }
@@ -387,6 +402,12 @@ fn choose(suite: &mut Suite, names: &[String]) -> Result<()> {
     }
     suite.scenes.retain(|scene| names.is_empty() || names.contains(&scene.name));
     Ok(())
+}
+
+/// The first path without a file among those with "", "2", "3" and so on in their names.
+fn unused(path: impl Fn(&str) -> PathBuf) -> PathBuf {
+    let mut paths = std::iter::once(path("")).chain((2..).map(|n: u32| path(&n.to_string())));
+    paths.find(|path| !path.exists()).expect("there are many numbers")
 }
 
 fn make_folder(path: &Path) -> Result<()> {

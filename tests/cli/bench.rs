@@ -242,9 +242,17 @@ fn relmse_and_trimmed_relmse_are_refused_separately() {
     rewrite(&reference(here.path()), [1.0, 0.1], 2, |batch, image| {
         (0..48).for_each(|i| pixel(5.0)(batch, &mut image[3 * i..]))
     });
+    // The rows of another scene that was refused stay.
+    let (results, refused) = (here.path().join("out/results.csv"), here.path().join("out/refused.csv"));
+    let mut others = table::read(&results).unwrap();
+    others.iter_mut().for_each(|row| row.scene = "another".into());
+    table::write(&refused, &others).unwrap();
     let output = taugate(here.path(), &bench(&["--resume"]));
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8(output.stderr).unwrap().contains("refused: the box"));
+    let rows = table::read(&refused).unwrap();
+    assert!(rows.starts_with(&others) && rows[others.len()..].iter().all(|row| row.scene == "the box"), "{rows:?}");
+    assert!(rows.len() > others.len());
 }
 
 #[test]
@@ -276,7 +284,21 @@ fn a_suite_of_costs_needs_no_reference_and_fits_its_sweeps() {
     let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
     assert!(page.contains("## Growth") && !page.contains("relMSE"), "{page}");
     succeeds(here.path(), &bench(&["--resume"]));
-    assert_eq!(table::read(&here.path().join("out/results.csv")).unwrap().len(), rows.len());
+    let read = || table::read(&here.path().join("out/results.csv")).unwrap();
+    assert_eq!(read().len(), rows.len());
+
+    // Scenes that a run leaves out keep their rows, and no backup replaces another.
+    let of = |is_few: bool| {
+        let rows = read().into_iter().filter(|row| (row.scene == "few") == is_few);
+        rows.map(|row| format!("{row:?}")).collect::<Vec<_>>()
+    };
+    let (few, others) = (of(true), of(false));
+    for (time, backup) in [("50ms", "results.old.csv"), ("40ms", "results.old2.csv")] {
+        let (text, _) = succeeds(here.path(), &bench(&["--resume", "--scenes", "few", "--time", time]));
+        assert!(text.contains("few") && !text.contains("many"), "{text}");
+        assert!(of(false) == others && !of(true).is_empty() && !of(true).contains(&few[0]));
+        assert!(here.path().join("out").join(backup).exists(), "{backup}");
+    }
 }
 
 /// A reference is bound to the content of its scene, including the buffers and images in other files.
