@@ -139,7 +139,7 @@ impl Measuring<'_> {
                 unreachable!("laser and sensor keep their places, and turn");
             }
             renderer.set_lights(&self.prepared, self.settings)?;
-            let seed = self.settings.seed().wrapping_add(self.measured as u32);
+            let seed = Scan::seed(self.settings.seed(), self.measured);
             renderer.restart(seed, self.settings.responses().clone())?;
             if !self.point(renderer, stop)? {
                 return Ok(());

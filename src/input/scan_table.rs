@@ -140,6 +140,19 @@ impl Scan {
         all.max_by(|&a, &b| distance(a).total_cmp(&distance(b))).map_or(Ok(()), check)
     }
 
+    /// Seed of the render of point `index` of the laser: `seed` at the first point, then a hash of both. Scans with other seeds
+    /// therefore share no render with this one.
+    pub fn seed(seed: u32, index: usize) -> u32 {
+        if index == 0 {
+            return seed;
+        }
+        // SplitMix64 (Steele, Lea and Flood 2014).
+        let state = (u64::from(seed) << 32 | index as u64).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (state ^ (state >> 31)) as u32
+    }
+
     /// Number of points at which the sensor looks for each point of the laser.
     pub fn sensor_count(&self) -> usize {
         self.sensor_points.as_ref().map_or(1, Vec::len)
@@ -218,6 +231,15 @@ mod tests {
         let message = parse("no-such-key = 1").unwrap_err();
         let (_, keys) = message.split_once("choose one of ").unwrap();
         assert_eq!(keys.split(", ").filter(|key| *key != "power").collect::<Vec<_>>(), KEYS);
+    }
+
+    #[test]
+    fn scans_with_other_seeds_share_no_render() {
+        assert_eq!([Scan::seed(7, 0), Scan::seed(8, 0)], [7, 8]);
+        let mut seeds: Vec<u32> = (0..20).flat_map(|seed| (0..500).map(move |index| Scan::seed(seed, index))).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 20 * 500);
     }
 
     #[test]

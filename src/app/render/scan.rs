@@ -128,6 +128,10 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     }
     rescue.finish()?;
     let is_whole = measured == count;
+    let dropped = renderer.stats().dropped;
+    if dropped > 0 {
+        session.progress.line(&format!("warning: {dropped} samples were not finite and count as 0"));
+    }
     session.progress.line(&format!(
         "{}: {count} laser points x {} sensor points x {} gates, {samples} samples each, in {}",
         path.display(),
