@@ -47,20 +47,29 @@ pub fn samples_of_shard(shard: Shard, spp: u32) -> u64 {
 }
 
 /// As [`next_samples`], for a render of which this machine renders `shard`. `iteration` is the number of the shard's next
-/// iteration in the whole render, and `done` the shard's samples per pixel so far. A budget of samples holds for all shards
-/// together, a budget of seconds for each shard.
-pub fn next_samples_of(shard: Shard, budget: &Budget, iteration: u32, done: u64, elapsed: Duration) -> u32 {
-    match budget {
-        Budget::Spp(_) if !shard.is_all() => next_samples(budget, iteration, samples_before(iteration), elapsed),
-        _ => next_samples(budget, iteration, done, elapsed),
-    }
+/// iteration in the whole render. `iterations` and `done` are the iterations and the samples per pixel of the shard so far. A budget
+/// of samples holds for all shards together, a budget of seconds for each shard.
+pub fn next_samples_of(
+    shard: Shard,
+    budget: &Budget,
+    iteration: u32,
+    iterations: u32,
+    done: u64,
+    elapsed: Duration,
+) -> u32 {
+    let done = if shard.is_all() || matches!(budget, Budget::Seconds(_)) { done } else { samples_before(iteration) };
+    samples_after(budget, samples_in(iteration), iterations, done, elapsed)
 }
 
 /// Samples per pixel in the next iteration, after `iterations` iterations with `done` samples per pixel in total; 0 when the
 /// budget is used up. A budget of samples may shorten the last iteration. A budget of seconds ends after the iteration whose
 /// end is nearest to the budget. The first iteration always runs; the second one runs unless the time is over.
 pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Duration) -> u32 {
-    let samples = samples_in(iterations);
+    samples_after(budget, samples_in(iterations), iterations, done, elapsed)
+}
+
+/// As [`next_samples`], for a next iteration of `samples` samples.
+fn samples_after(budget: &Budget, samples: u32, iterations: u32, done: u64, elapsed: Duration) -> u32 {
     match *budget {
         Budget::Spp(spp) => u64::from(spp).saturating_sub(done).min(samples.into()) as u32,
         Budget::Seconds(_) if done == 0 => samples,
@@ -141,8 +150,8 @@ mod tests {
             for index in 0..count {
                 let shard = Shard::new(index, count).unwrap();
                 let mut done = 0;
-                for number in (index..).step_by(count as usize) {
-                    match next_samples_of(shard, &Budget::Spp(spp), number, done, Duration::MAX) {
+                for (iterations, number) in (index..).step_by(count as usize).enumerate() {
+                    match next_samples_of(shard, &Budget::Spp(spp), number, iterations as u32, done, Duration::MAX) {
                         0 => break,
                         samples => {
                             all[number as usize] = samples;
@@ -199,6 +208,16 @@ mod tests {
         let (greatest, least) = (many.into_iter().fold(0.0, f64::max), few.into_iter().fold(f64::MAX, f64::min));
         println!("{greatest:.3} and {least:.3}");
         assert!((1.3..1.37).contains(&greatest) && (0.78..0.82).contains(&least), "{greatest} {least}");
+    }
+
+    #[test]
+    fn a_shard_with_a_budget_of_seconds_has_two_iterations() {
+        // The first iteration of the last shard takes 9 of 10 s, so the end of the second one is far from the budget.
+        let shard = Shard::new(4, 5).unwrap();
+        let next = |iteration, iterations, seconds| {
+            next_samples_of(shard, &Budget::Seconds(10.0), iteration, iterations, 2, Duration::from_secs(seconds))
+        };
+        assert_eq!([next(9, 1, 9), next(9, 1, 10), next(14, 2, 9)], [4, 0, 0]);
     }
 
     #[test]

@@ -52,7 +52,8 @@ impl Iterations<'_> {
         loop {
             renderer.go_to_next_of(shard);
             let elapsed = started.elapsed() + Duration::from_secs_f64(before);
-            let samples = next_samples_of(shard, &budget, renderer.next(), renderer.film().samples(), elapsed);
+            let (next, film) = (renderer.next(), renderer.film());
+            let samples = next_samples_of(shard, &budget, next, film.iterations(), film.samples(), elapsed);
             // If the image is certain to be black, two iterations are enough: they give a variance.
             let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && done.schedule.len() == 2;
             if samples == 0 || black || stop.load(Ordering::Relaxed) {
