@@ -65,16 +65,20 @@ impl TravelTimes {
     }
 
     /// Divides the travel times from the first arrival to `end` (metres) into `count` bins of equal width. Returns the bins, each
-    /// with the fraction of the light that arrives in it. Empty if no light arrived before `end`.
+    /// with the fraction of the light that arrives in it; the last one contains `end`. Empty if no light arrived until `end`. If all
+    /// light arrives at one time, the bins reach a thousandth of it to both sides.
     pub fn histogram(&self, end: f64, count: usize) -> Vec<([f64; 2], f64)> {
-        let Some((begin, _)) = self.range().filter(|(begin, _)| *begin < end) else { return vec![] };
+        let Some((first, last)) = self.range().filter(|(first, _)| *first <= end) else { return vec![] };
+        let reach = if end - first > 1e-5 * end { 0.0 } else { 1e-3 * end.max(1e-3) };
+        let (begin, before, end) = ((first - reach).max(0.0), end, end + reach);
         let width = (end - begin) / count as f64;
         let mut parts: Vec<([f64; 2], f64)> =
             (0..count).map(|k| ([k, k + 1].map(|edge| begin + width * edge as f64), 0.0)).collect();
         for (weight, moment) in self.bins.values() {
-            let k = ((moment / weight - begin) / width).max(0.0) as usize;
-            if let Some((_, light)) = parts.get_mut(k) {
-                *light += weight / self.total;
+            let time = (moment / weight).clamp(first, last);
+            if time <= before {
+                let k = ((time - begin) / width).max(0.0) as usize;
+                parts[k.min(count - 1)].1 += weight / self.total;
             }
         }
         parts
@@ -176,6 +180,18 @@ mod tests {
         let t = times(&[(4.0, 1.0), (3.0, 2.0), (2.0, 3.0), (1.0, 4.0)]);
         assert_eq!(t.histogram(3.5, 2), [([1.0, 2.25], 0.7), ([2.25, 3.5], 0.2)]);
         assert!(t.histogram(0.5, 2).is_empty() && times(&[]).histogram(1.0, 2).is_empty());
+        // The last bin contains its end.
+        assert_eq!(t.histogram(t.percentile(90.0).unwrap(), 2), [([1.0, 2.0], 0.4), ([2.0, 3.0], 0.5)]);
+    }
+
+    #[test]
+    fn light_of_one_time_has_a_histogram() {
+        for tau in [0.0, 7.3] {
+            let t = times(&[(tau, 2.0), (tau, 1.0)]);
+            let bins = t.histogram(t.percentile(99.0).unwrap(), 4);
+            let widths_are_positive = bins.iter().all(|([lo, hi], _)| lo < hi);
+            assert!(widths_are_positive && bins.iter().map(|(_, light)| light).sum::<f64>() == 1.0, "{bins:?}");
+        }
     }
 
     #[test]
