@@ -1,6 +1,7 @@
 //! One response of the sensor: the weight that it gives to light as a function of its travel time.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +10,13 @@ use crate::settings::units::Gate;
 
 /// Standard deviations at which a Gaussian edge is cut off.
 const GAUSS_CUT: f64 = 4.0;
+/// Part of a Gaussian beyond the cut, on each side.
+static BEYOND_CUT: LazyLock<f64> = LazyLock::new(|| gaussian_before(-GAUSS_CUT));
+
+/// Part of a Gaussian before `x` standard deviations.
+fn gaussian_before(x: f64) -> f64 {
+    0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)
+}
 
 /// How the weight rises and falls at the ends of a gate. Where two gates with the same edges abut, their weights add up to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,9 +45,8 @@ impl Edge {
             Edge::Sharp => f64::from(x >= 0.0),
             Edge::Ramp(length) => (x / length + 0.5).clamp(0.0, 1.0),
             Edge::Gauss(sigma) => {
-                let below = |z: f64| 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
-                let cut = below(-GAUSS_CUT);
-                ((below(x / sigma) - cut) / (1.0 - 2.0 * cut)).clamp(0.0, 1.0)
+                let cut = *BEYOND_CUT;
+                ((gaussian_before(x / sigma) - cut) / (1.0 - 2.0 * cut)).clamp(0.0, 1.0)
             }
         }
     }
@@ -170,7 +177,7 @@ impl Response {
     }
 
     /// The support of one pulse, which may begin before time 0.
-    pub(super) fn support_of_pulse(&self) -> Gate {
+    pub(crate) fn support_of_pulse(&self) -> Gate {
         let reach = self.edge().map_or(0.0, Edge::reach);
         let gate = self.gate();
         Gate { lo: gate.lo - reach, hi: gate.hi + reach }
