@@ -75,11 +75,11 @@ impl Pair {
     }
 
     /// z of Welch's test.
-    fn z(&self, batches: [usize; 2]) -> f64 {
+    fn z(&self, freedoms: [f64; 2]) -> f64 {
         let floor = (ROUNDING * self.mean()).powi(2);
         let variances = [self.a.1 + floor, self.b.1 + floor];
         let both = variances[0] + variances[1];
-        let freedom = both * both / (0..2).map(|i| variances[i].powi(2) / (batches[i] as f64 - 1.0)).sum::<f64>();
+        let freedom = both * both / (0..2).map(|i| variances[i].powi(2) / freedoms[i]).sum::<f64>();
         normal_score((self.a.0 - self.b.0) / both.sqrt(), freedom)
     }
 }
@@ -104,7 +104,7 @@ pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agr
     };
 
     let side = factor * CELL;
-    let (columns, batches) = (width.div_ceil(side), [a.len(), b.len()]);
+    let (columns, freedoms) = (width.div_ceil(side), [a, b].map(CellBatches::freedom));
     let mut tested: Vec<Cell> = vec![];
     let mut map = vec![0.0f32; 3 * width * height];
     let (mut light, mut judged) = (0.0, 0.0);
@@ -124,7 +124,7 @@ pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agr
                 continue;
             }
             judged += pair.mean() * pixels as f64;
-            let z = pair.z(batches);
+            let z = pair.z(freedoms);
             let (x, y) = (i % columns * side, i / columns * side);
             let (x, y) = ([x, width.min(x + side)], [y, height.min(y + side)]);
             tested.push(Cell { x, y, channel: name, mean: pair.a.0, reference: pair.b.0, z, rest: false });
@@ -132,7 +132,7 @@ pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agr
         }
         if !rest.is_empty() {
             let pair = Pair::of(a, b, &rest, channel);
-            let z = pair.z(batches);
+            let z = pair.z(freedoms);
             for i in rest_groups {
                 let (x, y) = (i % columns * side, i / columns * side);
                 fill(&mut map, width, [x, width.min(x + side)], [y, height.min(y + side)], channel, z);

@@ -133,9 +133,13 @@ impl Film {
 
     /// The mean over all pixels and channels, and its standard error. The error comes from the means of whole iterations, because
     /// the pixels of one iteration are correlated. The error is `None` with fewer than two iterations.
+    ///
+    /// The noise of light subpaths dominates here, because that of samples averages out over the pixels. The sums assume the noise of
+    /// samples, so the error is corrected by the batches of cells, see [`CellBatches::pooled`]. These are too few to give the error
+    /// itself as precisely as all iterations do. The expected variance is then 2 % too small to 5 % too large.
     pub fn image_mean(&self) -> (f64, Option<f64>) {
         let weights = self.samples.max(1) as f64;
-        let variance = self.image.spread(weights) * self.per_spread();
+        let variance = self.image.spread(weights) * self.per_spread() * self.cells.correction();
         (self.image.mean(weights), (self.iterations > 1).then(|| variance.sqrt()))
     }
 
@@ -146,6 +150,10 @@ impl Film {
     /// N adaptive shards, the first N iterations have the average samples in every pixel. For 8 to 16 shards of 64 to 512 samples per
     /// pixel: with 4 times the average samples, the estimate is up to 36 % too large. With a quarter of the average, it is up to 21 %
     /// too small. Always finite; 0 with fewer than two iterations.
+    ///
+    /// The noise of light subpaths breaks the rule too: it is the same in iterations of 2, 4 and 8 samples. In a pixel with no other
+    /// noise, the estimate is 12 % too small with 32 samples per pixel, 21 % with 128, 10 % with 512, and nowhere more than 23 %. It is right up to 16 samples. The
+    /// sums of a pixel do not tell the two kinds of noise apart; the batches of [`Film::cells`] do.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
             return vec![0.0; self.moments.len()];
@@ -270,10 +278,11 @@ mod tests {
             film.add(&[x; 30], samples);
         }
         let (mean, error) = film.image_mean();
-        assert!((mean - 2.8).abs() < 1e-12 && (error.unwrap() - 1.68f64.sqrt()).abs() < 1e-12, "{mean} {error:?}");
+        // 0.4^2 1.8^2 / 0.6 + 0.4^2 0.2^2 / 0.6 + 0.2^2 3.2^2 / 0.8 = 1.3867.
+        assert!((mean - 2.8).abs() < 1e-12 && (error.unwrap().powi(2) - 1.386_667).abs() < 1e-6, "{mean} {error:?}");
         // Treating the thirty values as independent must give too small an error.
         let naive = (f64::from(film.variance_of_mean()[0]) / 30.0).sqrt();
-        assert!(naive < 0.2 * error.unwrap());
+        assert!(naive < 0.25 * error.unwrap());
     }
 
     #[test]
