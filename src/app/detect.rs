@@ -118,7 +118,8 @@ fn input(path: &Path) -> Result<Input, Error> {
         return Err(fail("has values that are not finite; render an image without such pixels"));
     }
     let bins = Bins::new(gates.iter().map(DescribedResponse::gate).collect())?
-        .weighted(gates.iter().map(DescribedResponse::integral).collect())?;
+        .weighted(gates.iter().map(DescribedResponse::integral).collect())?
+        .repeated(gates[0].repeat_m);
     let beside = || serde_json::from_slice(&std::fs::read(description_path(path)).ok()?).ok();
     let of_file = if has_extension(path, "npy") { beside().filter(Value::is_object) } else { None };
     let description = of_file.unwrap_or_else(|| description(&array, &gates));
@@ -213,7 +214,8 @@ fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[
             let means = means_of(pixel, channel);
             // A seed per pixel and channel: counts do not depend on the order of the work.
             let seed = (u64::from(args.seed) << 32) ^ (3 * pixel + channel) as u64;
-            for (k, count) in detector.counts(&means, bins, seed).into_iter().enumerate() {
+            let steady = detector.steady_means(of_channel(&background[pixel], channel), bins);
+            for (k, count) in detector.counts(&means, &steady, bins, seed).into_iter().enumerate() {
                 counts[k * channels + channel] = count as f32;
             }
         }

@@ -1,23 +1,36 @@
 //! The Gaussian error of measured times.
 
+use super::Bins;
+
 /// Standard deviations after which the error is cut off; 2e-9 of the photons have a larger one.
 const CUT: f64 = 6.0;
+/// Standard deviations in periods at which the error modulo the period is even, to 1e-33.
+const EVEN: f64 = 2.0;
 
-/// Moves the photons of each gate, which are spread evenly over it, by a Gaussian error with standard deviation `sigma`. Photons
-/// that leave all gates are lost.
-pub fn spread(means: &[f64], gates: &[[f64; 2]], sigma: f64) -> Vec<f64> {
-    if sigma == 0.0 {
-        return means.to_vec();
-    }
-    let mut spread = vec![0.0; means.len()];
-    for (&[lo, hi], &mean) in gates.iter().zip(means).filter(|(_, mean)| **mean > 0.0) {
-        // The fraction of the gate's photons that are measured before `time`.
+/// Moves photons by a Gaussian error with standard deviation `sigma` > 0. Each of the `sources` is an interval, and the number of
+/// photons that are spread evenly over it. Returns the photons per gate. Photons that leave all gates are lost, unless they reach the
+/// gates of another pulse.
+pub fn spread(sources: impl IntoIterator<Item = ([f64; 2], f64)>, bins: &Bins, sigma: f64) -> Vec<f64> {
+    let Bins { gates, period, .. } = bins;
+    let (begin, end) = (gates[0][0], gates[gates.len() - 1][1]);
+    let sigma = period.map_or(sigma, |period| sigma.min(EVEN * period));
+    let mut spread = vec![0.0; gates.len()];
+    for ([lo, hi], photons) in sources.into_iter().filter(|(_, photons)| *photons != 0.0) {
+        // The fraction of the photons that are measured before `time`.
         let before =
             |time: f64| sigma * (integrated((time - lo) / sigma) - integrated((time - hi) / sigma)) / (hi - lo);
-        let first = gates.partition_point(|gate| gate[1] < lo - CUT * sigma);
-        for (gate, sum) in gates.iter().zip(&mut spread).skip(first).take_while(|(gate, _)| gate[0] < hi + CUT * sigma)
-        {
-            *sum += mean * (before(gate[1]) - before(gate[0])).max(0.0);
+        let [first, last] = [lo - CUT * sigma, hi + CUT * sigma];
+        let pulses = match period {
+            None => 0..=0,
+            Some(period) => ((first - end) / period).ceil() as i64..=((last - begin) / period).floor() as i64,
+        };
+        for pulse in pulses {
+            let shift = period.map_or(0.0, |period| pulse as f64 * period);
+            let skipped = gates.partition_point(|gate| gate[1] + shift < first);
+            let reached = gates.iter().zip(&mut spread).skip(skipped).take_while(|(gate, _)| gate[0] + shift < last);
+            for (gate, sum) in reached {
+                *sum += photons * (before(gate[1] + shift) - before(gate[0] + shift)).max(0.0);
+            }
         }
     }
     spread

@@ -49,10 +49,15 @@ pub struct Detector {
     pub blind: Blind,
 }
 
+/// Maximum number of parts of a gate in which first photons are taken to be spread evenly.
+const MAX_PARTS: f64 = 64.0;
+
 /// The gates of a detector. Every gate has an end. They are in ascending order and do not overlap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bins {
     gates: Vec<[f64; 2]>,
+    /// Period of a pulsed laser in metres: a photon that is measured too late falls into the time of the next pulse.
+    period: Option<f64>,
     /// The integral of the weights of each gate over travel time, in metres.
     integrals: Vec<f64>,
 }
@@ -63,7 +68,7 @@ impl Bins {
     pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
         let are_good = gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi && hi.is_finite());
         match !gates.is_empty() && are_good && gates.is_sorted_by(|a, b| a[1] <= b[0]) {
-            true => Ok(Bins { integrals: gates.iter().map(|[lo, hi]| hi - lo).collect(), gates }),
+            true => Ok(Bins { integrals: gates.iter().map(|[lo, hi]| hi - lo).collect(), gates, period: None }),
             false => Err(Error::Settings(
                 "a detector needs gates that end and that do not overlap, in ascending order; render with --gates A..B/N".into(),
             )),
@@ -80,6 +85,13 @@ impl Bins {
         }
     }
 
+    /// The gates of a laser with this period in metres, see [`crate::settings::Response::repeated`]. Gates that are together longer than
+    /// the period see some light twice, so there is no single gate for a photon that is measured too late: it is lost.
+    pub fn repeated(self, period: Option<f64>) -> Bins {
+        let length = self.gates[self.gates.len() - 1][1] - self.gates[0][0];
+        Bins { period: period.filter(|period| length <= period * (1.0 + 1e-9)), ..self }
+    }
+
     /// For each gate, the integral of its weight over time in seconds: the duration of a box.
     pub fn seconds(&self) -> impl Iterator<Item = f64> {
         self.integrals.iter().map(|integral| integral / METRES_PER_NS * 1e-9)
@@ -94,6 +106,11 @@ impl Detector {
             self.efficiency * self.photons * (light + background * seconds).max(0.0) + self.dark_rate * seconds
         };
         light.zip(bins.seconds()).map(mean).collect()
+    }
+
+    /// The part of [`Detector::means`] that does not come in pulses: background and dark counts.
+    pub fn steady_means(&self, background: f64, bins: &Bins) -> Vec<f64> {
+        self.means(std::iter::repeat(0.0), background, bins)
     }
 
     /// Fails if no counts can be drawn for these `means`. Either a mean is not finite, or a dead time leaves too many counts per pulse.
@@ -142,18 +159,30 @@ impl Detector {
         }
     }
 
-    /// Random counts per gate over all pulses, for `means` per pulse and gate. The same `seed` gives the same counts. A count is not
-    /// finite if the mean over all pulses is not. The means must pass [`Detector::check`].
-    pub fn counts(&self, means: &[f64], bins: &Bins, seed: u64) -> Vec<f64> {
+    /// Random counts per gate over all pulses, for `means` per pulse and gate, of which `steady` are background and dark counts. The same
+    /// `seed` gives the same counts. A count is not finite if the mean over all pulses is not. The means must pass [`Detector::check`].
+    ///
+    /// A detector without dead time is always on. As many background and dark counts move into a gate by jitter as out of it, so only
+    /// the light is spread; light from outside of all gates is not known. A detector with a dead time is on only in its gates.
+    pub fn counts(&self, means: &[f64], steady: &[f64], bins: &Bins, seed: u64) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         match self.blind {
             Blind::Never => {
-                let count = |mean: f64| poisson(self.pulses as f64 * mean, &mut random);
-                jitter::spread(means, &bins.gates, self.jitter).into_iter().map(count).collect()
+                let mut count = |mean: f64| poisson(self.pulses as f64 * mean, &mut random);
+                if self.jitter == 0.0 {
+                    return means.iter().map(|&mean| count(mean)).collect();
+                }
+                let light =
+                    bins.gates.iter().zip(means.iter().zip(steady)).map(|(&gate, (mean, rest))| (gate, mean - rest));
+                let light = jitter::spread(light, bins, self.jitter);
+                light.iter().zip(steady).map(|(light, rest)| count(light + rest)).collect()
             }
             // Each pulse gives at most one count, so the counts are multinomial, also after the jitter.
             Blind::UntilNextPulse => {
-                let first = jitter::spread(&first_photon(means), &bins.gates, self.jitter);
+                let first = match self.jitter == 0.0 {
+                    true => first_photon(means),
+                    false => jitter::spread(first_photon_in_parts(means, &bins.gates), bins, self.jitter),
+                };
                 let (mut pulses, mut rest) = (self.pulses, 1.0);
                 let mut counts = vec![];
                 for probability in first {
@@ -170,7 +199,13 @@ impl Detector {
     }
 
     /// Simulates every pulse photon by photon. After a count, the next photon is drawn from the end of the dead time on.
-    fn pulse_by_pulse(&self, means: &[f64], Bins { gates, .. }: &Bins, dead: f64, random: &mut Pcg64Mcg) -> Vec<f64> {
+    fn pulse_by_pulse(
+        &self,
+        means: &[f64],
+        Bins { gates, period, .. }: &Bins,
+        dead: f64,
+        random: &mut Pcg64Mcg,
+    ) -> Vec<f64> {
         let mut counts = vec![0.0; means.len()];
         let error = Normal::new(0.0, self.jitter).expect("the jitter is finite");
         // Mean number of photons before each gate.
@@ -194,7 +229,10 @@ impl Detector {
                 }
                 let [lo, hi] = gates[gate];
                 let time = lo + inside * (hi - lo);
-                if let Some(recorded) = gate_of(gates, time + error.sample(random)) {
+                let measured: f64 = time + error.sample(random);
+                let begin = gates[0][0];
+                let measured = period.map_or(measured, |period| begin + (measured - begin).rem_euclid(period));
+                if let Some(recorded) = gate_of(gates, measured) {
                     counts[recorded] += 1.0;
                 }
                 let blind_until = time + dead;
@@ -235,6 +273,18 @@ fn first_photon(means: &[f64]) -> Vec<f64> {
         first
     };
     means.iter().map(probability).collect()
+}
+
+/// The probabilities of [`first_photon`] in parts of the gates. Within a bright gate, the first photon is likely to be early.
+fn first_photon_in_parts(means: &[f64], gates: &[[f64; 2]]) -> Vec<([f64; 2], f64)> {
+    let mut parts = vec![];
+    for (&mean, [lo, hi]) in means.iter().zip(gates) {
+        let count = (16.0 * mean).ceil().clamp(1.0, MAX_PARTS);
+        let edge = |k: f64| lo + (hi - lo) * k / count;
+        parts.extend((0..count as usize).map(|k| ([edge(k as f64), edge(k as f64 + 1.0)], mean / count)));
+    }
+    let probabilities = first_photon(&parts.iter().map(|part| part.1).collect::<Vec<_>>());
+    parts.into_iter().zip(probabilities).map(|((part, _), probability)| (part, probability)).collect()
 }
 
 #[cfg(test)]

@@ -120,10 +120,17 @@ pub fn write_responses(
         ]
         .map(|(name, value)| (text(name), value)),
     );
+    if let Some(period) = first.and_then(Response::period) {
+        attributes.other.insert(text("tof:repeat_m"), AttributeValue::F64(period));
+    }
     if images.is_some() {
         let gates = |r: &Response| {
             let gate = [r.gate().lo, r.gate().hi];
-            serde_json::json!({"name": r.name(), "gate_m": gate, "weight_integral_m": r.integral()})
+            let mut entry = serde_json::json!({"name": r.name(), "gate_m": gate, "weight_integral_m": r.integral()});
+            if let Some(period) = r.period() {
+                entry["repeat_m"] = period.into();
+            }
+            entry
         };
         let list = serde_json::Value::from_iter(responses.iter().map(gates)).to_string();
         attributes.other.insert(text("tof:responses"), AttributeValue::Text(text(&list)));

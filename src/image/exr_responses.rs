@@ -20,6 +20,7 @@ struct Listed {
     name: String,
     gate_m: [Option<f64>; 2],
     weight_integral_m: Option<f64>,
+    repeat_m: Option<f64>,
 }
 
 /// Whether the file holds the images of several responses.
@@ -34,15 +35,17 @@ pub fn read(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>>)>
         let picture = read_picture(path)?;
         let (width, height) = (picture.width as usize, picture.height as usize);
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
-        let weight_integral_m = match header.own_attributes.other.get(&text("tof:weightIntegral_m")) {
-            Some(AttributeValue::F64(integral)) => finite(*integral),
+        let number = |name: &str| match header.own_attributes.other.get(&text(name)) {
+            Some(AttributeValue::F64(number)) => finite(*number),
             _ => None,
         };
+        let [weight_integral_m, repeat_m] = ["tof:weightIntegral_m", "tof:repeat_m"].map(number);
         let response = picture.gate.map(|[begin, end]| DescribedResponse {
             name: SINGLE.into(),
             gate_begin_m: begin,
             gate_end_m: finite(end),
             weight_integral_m,
+            repeat_m,
         });
         let array = ImageArray { width, height, responses: None, values: picture.rgb };
         return Ok((array, response.map(|response| vec![response])));
@@ -78,11 +81,12 @@ fn listed(path: &Path, header: &Header) -> Result<Option<Vec<DescribedResponse>>
     let Some(AttributeValue::Text(list)) = header.own_attributes.other.get(&text("tof:responses")) else {
         return Ok(None);
     };
-    let of = |Listed { name, gate_m: [begin, end], weight_integral_m }| DescribedResponse {
+    let of = |Listed { name, gate_m: [begin, end], weight_integral_m, repeat_m }| DescribedResponse {
         name,
         gate_begin_m: begin.unwrap_or(0.0),
         gate_end_m: end,
         weight_integral_m,
+        repeat_m,
     };
     match serde_json::from_slice::<Vec<Listed>>(list.bytes()) {
         // Each response has three channels of its own.

@@ -53,6 +53,9 @@ pub struct DescribedResponse {
     /// The integral of the weights over travel time in metres. `None` if it is infinite (a wave, or a gate without an end), or if an
     /// earlier version wrote the file.
     pub weight_integral_m: Option<f64>,
+    /// The period of a pulsed laser, if the gate counts light of all its pulses.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeat_m: Option<f64>,
 }
 
 impl DescribedResponse {
@@ -63,6 +66,7 @@ impl DescribedResponse {
             gate_begin_m: response.gate().lo,
             gate_end_m: finite(response.gate().hi),
             weight_integral_m: finite(response.integral()),
+            repeat_m: response.period(),
         }
     }
 
