@@ -40,7 +40,7 @@ impl<'a> Race<'a> {
         Ok(Race { timed_renderers: job.entries.iter().map(timed).collect::<Result<_>>()?, job, references })
     }
 
-    /// One repetition: every variant renders for `seconds`. `watch` is called after each turn with the seconds of that turn and
+    /// One repetition: every variant renders for `seconds`, up to the nearest end of an iteration. `watch` is called after each turn with the seconds of that turn and
     /// returns whether to continue. Returns the rows, at most one per variant and time point, or `None` if `watch` stopped the
     /// work.
     pub fn run(
@@ -59,7 +59,7 @@ impl<'a> Race<'a> {
             let begin = timed.clock;
             timed.run_until((begin + seconds / TURNS).min(points[next[at]]))?;
             let spent = timed.clock - begin;
-            let reached = points.iter().filter(|&&point| timed.clock >= point).count();
+            let reached = points.iter().filter(|&&point| timed.has_reached(point)).count();
             if reached > next[at] {
                 next[at] = reached;
                 rows.push(self.measure(at, repetition, reached as u32 - 1)?);

@@ -38,17 +38,25 @@ impl TimedRenderer {
         self.clock = 0.0;
     }
 
-    /// Renders at least one iteration, until the clock reaches `end`.
+    /// Renders at least one iteration, until [`TimedRenderer::has_reached`] `end`.
     pub fn run_until(&mut self, end: f64) -> Result<()> {
         loop {
             let samples = samples_in(self.renderer.film().iterations());
             let start = Instant::now();
             self.renderer.iterate(samples)?;
             self.clock += start.elapsed().as_secs_f64();
-            if self.clock >= end {
+            if self.has_reached(end) {
                 return Ok(());
             }
         }
+    }
+
+    /// Whether the present clock is nearer to `end` than the clock after another iteration. So the clock stops before and after the
+    /// end alike, and on average a renderer with long iterations gets no more time than one with short ones.
+    pub fn has_reached(&self, end: f64) -> bool {
+        let film = self.renderer.film();
+        let next = f64::from(samples_in(film.iterations())) / film.samples().max(1) as f64 * self.clock;
+        self.clock + 0.5 * next >= end
     }
 
     /// A counter of the statistics, counted since the restart.
