@@ -7,7 +7,7 @@
 //! Short pilot renders choose the settings with the smallest error per second, which need not be settings of the suite. If a
 //! reference is not accurate enough for a later race, two more halves with other seeds are added. A reference by another
 //! version of the renderer is extended too if it agrees with this version. If not, it is kept beside the new one as
-//! `NAME.other.exr`.
+//! `NAME.other.exr`. A render that fails its check is kept as `NAME.rejected.exr`, and the next one has other seeds.
 
 use std::path::{Path, PathBuf};
 
@@ -99,7 +99,7 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
 }
 
 /// Renders, checks and writes the reference that `entries` share. `watch` gets the fraction that is done and a description, and
-/// returns whether to continue. `None` if `watch` stopped the work. Nothing is written if the check fails.
+/// returns whether to continue. `None` if `watch` stopped the work. No reference is written if the check fails.
 pub fn make(
     device: &Device,
     job: &Job,
@@ -126,7 +126,7 @@ pub fn make(
 
     // Render two halves in turns.
     let mut previous = PreviousReference::read(path)?;
-    let extension = previous.as_ref().map_or(0, |previous| previous.extensions + 1).wrapping_mul(EXTENSION);
+    let extension = next_extension(path)?;
     let mut other = OtherVersion::None;
     if previous.as_ref().is_some_and(|previous| !previous.current && previous.cells.len() < MIN_BATCHES) {
         (previous, other) = (None, OtherVersion::Unverified);
@@ -206,14 +206,29 @@ pub fn make(
     // Keep only the batches of the longer render, the previous or the new one. They may have different estimators, and then the
     // spread of all batches together would not give the noise of the mean.
     film.set_cells(previous.filter(|previous| previous.seconds > seconds).map_or(cells, |previous| previous.cells));
-    if agreement.agree {
-        if matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified) {
-            let aside = path.with_extension("other.exr");
-            std::fs::rename(path, &aside).map_err(|e| Error::File { path: aside.clone(), message: e.to_string() })?;
-        }
-        write(path, &film, entries[0], before + seconds, &variant, HALVES[0] + extension)?;
+    if agreement.agree && matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified) {
+        let aside = path.with_extension("other.exr");
+        std::fs::rename(path, &aside).map_err(|e| Error::File { path: aside.clone(), message: e.to_string() })?;
     }
+    let path = if agreement.agree { path } else { &rejected(path) };
+    write(path, &film, entries[0], before + seconds, &variant, HALVES[0] + extension)?;
     Ok(Some(ReferenceReport { variant, seconds, before, other, samples, own, wanted: needed, judge, agreement }))
+}
+
+/// The file for a render that failed the check of the reference `path`.
+pub fn rejected(path: &Path) -> PathBuf {
+    path.with_extension("rejected.exr")
+}
+
+/// What to add to the seeds of a render, so that it is independent of the reference `path` and of renders that failed its check. A
+/// check that fails by chance would fail again with the same seeds.
+fn next_extension(path: &Path) -> Result<u32> {
+    let known = [path, &rejected(path)].map(PreviousReference::read);
+    let mut last = None;
+    for previous in known {
+        last = last.max(previous?.map(|previous| previous.extensions));
+    }
+    Ok(last.map_or(0, |last| last + 1).wrapping_mul(EXTENSION))
 }
 
 /// Renders one turn: a sixteenth of the time so far, from 0.01 s to 2 s.
@@ -330,6 +345,28 @@ pub fn folder(out: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::{Budget, Settings};
+
+    #[test]
+    fn seeds_differ_from_those_of_references_and_of_renders_that_failed() {
+        let here = tempfile::tempdir().unwrap();
+        let path = here.path().join("a.exr");
+        assert_eq!(next_extension(&path).unwrap(), 0);
+        let settings = Settings::builder().resolution([1, 1]).budget(Budget::Spp(2)).build().unwrap();
+        let mut film = Film::new(1, 1);
+        (0..2).for_each(|_| film.add(&[1.0; 3], 1));
+        let write = |path: &Path, extension: u32| {
+            let seed = HALVES[0] + extension * EXTENSION;
+            exr_file::write(path, &film, &Provenance { seed, ..Provenance::new(&settings, 1.0, String::new()) })
+                .unwrap();
+        };
+        write(&path, 0);
+        assert_eq!(next_extension(&path).unwrap(), EXTENSION);
+        write(&rejected(&path), 1);
+        assert_eq!(next_extension(&path).unwrap(), 2 * EXTENSION);
+        write(&path, 2);
+        assert_eq!(next_extension(&path).unwrap(), 3 * EXTENSION);
+    }
 
     /// A film that is extended from the mean and variance in a file equals the film of all four original halves.
     #[test]

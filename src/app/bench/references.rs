@@ -1,7 +1,9 @@
 //! `taugate bench --reference`: renders, extends and checks the references of a suite.
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use taugate::internals::bench::job::{Entry, Job};
 use taugate::internals::bench::quality::{self, ReferenceTarget};
@@ -59,10 +61,19 @@ pub fn make(
                 progress.show(done, || what.to_string());
                 !stop.load(Ordering::Relaxed)
             };
+            let started = Instant::now();
             match reference::make(device, &job, &prepared, &sharing, target, &path, &mut watch)? {
-                None => return Ok(ExitCode::from(INTERRUPTED)),
+                None => {
+                    progress.line(&format!(
+                        "interrupted: {} of work on the reference of {} are lost; a run with a shorter --reference-time writes what it \
+                         has, and the next run extends it",
+                        duration(started.elapsed().as_secs_f64()),
+                        scene.name
+                    ));
+                    return Ok(ExitCode::from(INTERRUPTED));
+                }
                 Some(report) => {
-                    let good = report_outcome(&scene.name, &path.display().to_string(), &report, progress);
+                    let good = report_outcome(&scene.name, &path, &report, progress);
                     code = if good { code } else { ExitCode::from(1) };
                 }
             }
@@ -103,7 +114,7 @@ fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<Means>) ->
 }
 
 /// Prints the outcome. Returns whether the reference was written.
-fn report_outcome(scene: &str, path: &str, report: &ReferenceReport, progress: &Progress) -> bool {
+fn report_outcome(scene: &str, path: &Path, report: &ReferenceReport, progress: &Progress) -> bool {
     let ReferenceReport { variant, seconds, before, other, samples, own, wanted, judge, agreement } = report;
     let taken = match *before > 0.0 {
         true => format!("{}, added to {} before", duration(*seconds), duration(*before)),
@@ -126,13 +137,16 @@ fn report_outcome(scene: &str, path: &str, report: &ReferenceReport, progress: &
     if !agreement.agree {
         progress.line(&format!(
             "{scene}: no reference was written, because the render by {variant} in {taken} differs from {judge} (|z| = {max_z:.1} in \
-             one of {tests} means of cells, where {threshold:.1} is significant)"
+             one of {tests} means of cells, where {threshold:.1} is significant); {} keeps it, and the next run has other seeds",
+            reference::rejected(path).display()
         ));
         return false;
     }
     progress.line(&format!(
-        "{path}: {scene} by {variant}, {samples} samples per pixel in {taken}, own relMSE {:.2e}, trimmed {:.2e}; agrees with {judge} (|z| at most {max_z:.1} of {threshold:.1} in {tests} means of cells)",
-        own.all, own.trimmed
+        "{}: {scene} by {variant}, {samples} samples per pixel in {taken}, own relMSE {:.2e}, trimmed {:.2e}; agrees with {judge} (|z| at most {max_z:.1} of {threshold:.1} in {tests} means of cells)",
+        path.display(),
+        own.all,
+        own.trimmed
     ));
     if own.all > wanted.all || own.trimmed > wanted.trimmed {
         progress.line(&format!(

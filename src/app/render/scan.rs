@@ -161,7 +161,7 @@ fn turn(
         unreachable!("laser and sensor keep their places, and turn");
     }
     renderer.set_lights(prepared, settings)?;
-    renderer.restart(settings.seed().wrapping_add(number as u32), settings.responses().clone())
+    renderer.restart(Scan::seed(settings.seed(), number), settings.responses().clone())
 }
 
 /// The file of the array that the scan writes. Fails if the user wants other files.
