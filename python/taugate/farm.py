@@ -8,17 +8,11 @@ returns sums. The sums of all parts add up to the image that one machine would r
 its machine.
 """
 
-import contextlib
 import copy
-import functools
 import hashlib
 import numbers
 import os
 import pickle
-import shutil
-import socket
-import tempfile
-import threading
 import time as clock
 import uuid
 import warnings
@@ -27,11 +21,12 @@ import weakref
 import numpy as np
 
 from . import _native
-from ._errors import Error, FileError, Interrupted, SceneError, SettingsError
+from ._errors import Error, Interrupted, SettingsError
 from ._image import Histogram, Image
 from ._render import Progress, all_warnings, watcher
 from ._scene import Scene, load
 from ._words import word
+from ._worker import ENDINGS, KEPT, LASTING, accumulate, checked, refuse_black, remove_abandoned, render_whole, write
 
 #: Samples per pixel of the first parts, which show how long a sample takes.
 FIRST_SAMPLES = 4
@@ -39,26 +34,14 @@ FIRST_SAMPLES = 4
 AHEAD = 2
 #: How often Dask repeats a part that failed.
 RETRIES = 3
-#: Exceptions that a repetition would raise again.
-LASTING = (SettingsError, SceneError, TypeError)
 #: The error of an image with fewer iterations is not tested: its estimate is too rough.
 MIN_ITERATIONS = 16
 #: Number of parts after which a black image ends a render that only an error could end.
 BLACK_PARTS = 16
 #: Seconds between two looks for finished parts.
 PATIENCE = 0.02
-#: Age in seconds of a file without its end at which its writer is no longer at work.
-ABANDONED = 3600
-#: Endings of the files by which a data set knows the jobs that are finished.
-ENDINGS = (".npy", ".exr")
-#: Ending of a file that is being written.
-PARTIAL = ".taugate-partial"
-#: Number of scenes that a worker keeps, and that a client keeps on its workers.
-KEPT = 4
 
-_scenes = {}
 _on_workers = weakref.WeakKeyDictionary()
-_lock = threading.Lock()
 
 
 def render(
@@ -160,7 +143,7 @@ def _dataset(jobs, client, folder, suffix):
     from distributed import as_completed
 
     os.makedirs(folder, exist_ok=True)
-    _remove_abandoned(folder)
+    remove_abandoned(folder)
     jobs, running, failures = iter(jobs), as_completed(), []
     while True:
         while running.count() < AHEAD * max(_threads(client), 1):
@@ -178,7 +161,7 @@ def _dataset(jobs, client, folder, suffix):
                 failures.append(failure)
                 continue
             future = client.submit(
-                _render_whole,
+                render_whole,
                 job.key,
                 _sent(client, job),
                 job.files,
@@ -192,7 +175,7 @@ def _dataset(jobs, client, folder, suffix):
             break
         future = next(running)
         try:
-            files, found = _checked(future.result())
+            files, found = checked(future.result())
         except Exception as failure:  # of the job, whatever it is
             failures.append(failure)
             continue
@@ -204,7 +187,7 @@ def _dataset(jobs, client, folder, suffix):
             warnings.warn(f"{os.path.basename(future.taugate_path)}: {warning}", stacklevel=2)
         # The file that shows that the job is finished comes last.
         for ending, contents in sorted(files.items(), key=lambda file: file[0] == suffix):
-            _write(os.path.splitext(future.taugate_path)[0] + ending, contents)
+            write(os.path.splitext(future.taugate_path)[0] + ending, contents)
         yield future.taugate_path
     if failures:
         raise failures[0]
@@ -289,7 +272,7 @@ class _Run:
         """Adds a finished part. Returns the first iteration after it."""
         self.futures.discard(future)
         try:
-            contents, dropped = _checked(future.result())
+            contents, dropped = checked(future.result())
             part = _native.Sums.from_bytes(contents)
             if self.sums is None:
                 self.sums = part
@@ -347,8 +330,8 @@ class _Run:
         """Raises the exception of :func:`taugate.render` about a black image. A worker makes it, because its advice needs a device."""
         if self.sums is not None and self.sums.is_black():
             key = f"taugate-black-{self.name}"
-            future = self.client.submit(_refuse_black, self.job.key, self.scene, self.job.settings, key=key, retries=RETRIES)
-            _checked(future.result())
+            future = self.client.submit(refuse_black, self.job.key, self.scene, self.job.settings, key=key, retries=RETRIES)
+            checked(future.result())
 
     def warnings(self):
         """Sentences about the parts that are missing."""
@@ -372,7 +355,7 @@ class _Run:
             begin = self.next
             self.next, _ = _native.part(begin, samples)
             future = self.client.submit(
-                _accumulate,
+                accumulate,
                 self.job.key,
                 self.scene,
                 self.job.files,
@@ -417,122 +400,3 @@ def _sent(client, job):
 
 def _threads(client):
     return sum(worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values())
-
-
-# On a worker.
-
-
-def _scene(key, payload):
-    """The scene of these bytes, which a worker unpacks once. Only the scene that was asked for last keeps its renderer."""
-    with _lock:
-        if key not in _scenes:
-            scene, contents = pickle.loads(payload)
-            if contents is not None:
-                folder = tempfile.mkdtemp(prefix="taugate-")
-                # Renders that still use the scene keep it, and so the folder, also after it left `_scenes`.
-                weakref.finalize(scene, shutil.rmtree, folder, ignore_errors=True)
-                scene.path = os.path.join(folder, "scene.glb")
-                _write(scene.path, contents)
-            while len(_scenes) >= KEPT:
-                del _scenes[next(iter(_scenes))]
-            _scenes[key] = scene
-        for other, scene in _scenes.items():
-            if other != key and scene._native is not None:
-                scene._native.release()
-        return _scenes[key]
-
-
-def _job(key, payload, files, settings):
-    """The scene, its native part and the flags of a render. Fails if the files of this machine are not those of the client."""
-    scene = _scene(key, payload)
-    native, flags = scene._job(settings, "farm.render")
-    if native.files(flags) != files:
-        # Another try reads the files again.
-        with _lock:
-            _scenes.pop(key, None)
-        machine = socket.gethostname()
-        raise FileError(f"on {machine}, the scene or a file that its settings name has other contents than where the render was started")
-    return scene, native, flags
-
-
-def _lasting_failure_is_result(task):
-    """Returns an exception that a repetition would raise again as the result, so that Dask does not repeat the task. See `_checked`."""
-
-    @functools.wraps(task)
-    def run(*arguments):
-        try:
-            return task(*arguments)
-        except LASTING as failure:
-            return failure
-
-    return run
-
-
-def _checked(result):
-    """The result of a task, or its exception."""
-    if isinstance(result, Exception):
-        raise result
-    return result
-
-
-@_lasting_failure_is_result
-def _accumulate(key, payload, files, settings, contents, begin, end, spp):
-    """The sums of a part as bytes, and the number of samples that were not finite."""
-    _, native, flags = _job(key, payload, files, settings)
-    return _native.accumulate(native, flags, contents, begin, end, spp)
-
-
-@_lasting_failure_is_result
-def _refuse_black(key, payload, settings):
-    """Raises the exception about a black image, unless the settings accept one."""
-    native, flags = _scene(key, payload)._job(settings, "farm.render")
-    _native.refuse_black(native, flags)
-
-
-@_lasting_failure_is_result
-def _render_whole(key, payload, files, settings):
-    """The files of an image, from their endings to their bytes, and its warnings."""
-    import taugate
-
-    scene, native, flags = _job(key, payload, files, settings)
-    is_histogram = settings.get("gates") is not None or native.responses(flags) > 1
-    with warnings.catch_warnings():
-        # They are raised where the client is.
-        warnings.simplefilter("ignore")
-        image = taugate.histogram(scene, **settings) if is_histogram else taugate.render(scene, **settings)
-    with tempfile.TemporaryDirectory() as folder:
-        for ending in ENDINGS:
-            if ending == ".npy" or isinstance(image, Image):
-                image.save(os.path.join(folder, "image" + ending))
-        files = {}
-        for name in os.listdir(folder):
-            with open(os.path.join(folder, name), "rb") as file:
-                files[name[len("image") :]] = file.read()
-        return files, all_warnings(image)
-
-
-# Files.
-
-
-def _write(path, contents):
-    """Writes a file, whole or not at all. It has the usual permissions of a new file."""
-    folder, name = os.path.split(path)
-    temporary = os.path.join(folder, f".{name}-{uuid.uuid4().hex[:8]}{PARTIAL}")
-    try:
-        with open(temporary, "xb") as file:
-            file.write(contents)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.remove(temporary)
-        raise
-
-
-def _remove_abandoned(folder):
-    """Removes what clients that were killed have left of their files."""
-    for entry in os.scandir(folder):
-        with contextlib.suppress(OSError):
-            if entry.name.startswith(".") and entry.name.endswith(PARTIAL) and clock.time() - entry.stat().st_mtime > ABANDONED:
-                os.remove(entry.path)

@@ -95,7 +95,7 @@ def test_a_render_whose_parts_all_fail_ends(cluster, monkeypatch, settings):
     def fail(*_):
         raise MemoryError("no room")
 
-    monkeypatch.setattr(farm, "_accumulate", fail)
+    monkeypatch.setattr(farm, "accumulate", fail)
     with pytest.raises(taugate.Error, match="no part of the render succeeded; the last one failed with: no room"):
         farm.render(SCENES / "cornell-box.glb", client=cluster, **settings, **SETTINGS)
 
@@ -105,7 +105,7 @@ def fail_later(key, payload, files, settings, contents, begin, *more):
 
     if begin > 0:
         raise MemoryError("no room")
-    return farm._accumulate(key, payload, files, settings, contents, begin, *more)
+    return farm.accumulate(key, payload, files, settings, contents, begin, *more)
 
 
 @pytest.mark.parametrize("settings", [dict(error=1e-9), dict(spp=200)])
@@ -114,8 +114,8 @@ def test_parts_that_are_left_out_are_counted(cluster, monkeypatch, settings):
 
     cloudpickle = pytest.importorskip("cloudpickle")
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
-    accumulate = farm._accumulate
-    monkeypatch.setattr(farm, "_accumulate", fail_later)
+    accumulate = farm.accumulate
+    monkeypatch.setattr(farm, "accumulate", fail_later)
     with pytest.warns(UserWarning, match=r"\d+ parts of the render failed and were left out; the last one failed with: no room"):
         image = farm.render(SCENES / "cornell-box.glb", client=cluster, **settings, **SETTINGS)
     assert image.samples == 4 and accumulate is not fail_later
@@ -131,7 +131,7 @@ def test_a_black_image_ends_a_render(cluster):
 
 
 def test_workers_notice_other_files(cluster, tmp_path):
-    from taugate import farm
+    from taugate import _worker, farm
 
     path = tmp_path / "scene.toml"
     first, second = (SCENES / f"{name}.glb" for name in ("cornell-box", "hidden-letter"))
@@ -147,7 +147,7 @@ def test_workers_notice_other_files(cluster, tmp_path):
     job = farm._Job(path, {}, 4)
     shutil.copy(first, tmp_path / "scene.glb")
     with pytest.raises(taugate.FileError, match="has other contents than where the render was started"):
-        farm._job(job.key, job.payload, job.files, job.settings)
+        _worker._job(job.key, job.payload, job.files, job.settings)
 
 
 def test_a_scene_that_workers_have_lost_is_sent_again(cluster):
@@ -245,7 +245,7 @@ def test_sums_and_grids(cluster, tmp_path, program):
 
 
 def test_a_data_set_is_continued(cluster, tmp_path):
-    from taugate import farm
+    from taugate import _worker, farm
 
     scene = taugate.load(SCENES / "cornell-box.glb", **SETTINGS)
     jobs = [(f"seed{seed}", scene, dict(seed=seed, spp=2)) for seed in range(3)]
@@ -258,7 +258,7 @@ def test_a_data_set_is_continued(cluster, tmp_path):
     os.remove(made[1])
     jobs[:0] = [("broken", scene, dict(gate="1..2", spp=2)), ("missing", tmp_path / "missing.glb", {})]
     jobs += [("cw", scene, dict(cw="20", spp=2))]
-    abandoned = tmp_path / f".seed9.npy-x{farm.PARTIAL}"
+    abandoned = tmp_path / f".seed9.npy-x{_worker.PARTIAL}"
     abandoned.write_text("half")
     os.utime(abandoned, (0, 0))
     made = []
@@ -276,10 +276,10 @@ def test_a_data_set_is_continued(cluster, tmp_path):
 
 LEAVE_FILES = """
 import pathlib, sys
-from taugate import farm
+from taugate import _worker, farm
 for number in range(farm.KEPT + 1):
     job = farm._Job(sys.argv[1], {}, None)
-    scene = farm._scene(str(number), job.payload)
+    scene = _worker._scene(str(number), job.payload)
     if number == 0:
         # As a render does whose scene a later scene displaces.
         used = scene
