@@ -129,7 +129,7 @@ fn the_gate_is_typed_in_all_units() {
 
         // A gate without end gets one from the end of the range.
         page.enter("#gate-to", "inf").await;
-        page.until("document.getElementById('gate-to').value === 'inf'").await;
+        page.until("document.getElementById('gate-width').value === 'inf'").await;
         page.find("#gate-end").await.send_keys("" + Key::Left).await.unwrap();
         page.until("Number(document.getElementById('gate-to').value) < 200").await;
 

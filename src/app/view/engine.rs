@@ -1,19 +1,21 @@
 //! The thread that renders for the viewer. It carries out the commands of the pages between two steps of work. During an iteration of
 //! the full image it listens, and ends the iteration early for a command that needs this.
 
+mod iteration;
+mod probed;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
-use std::thread;
 use std::time::{Duration, Instant};
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::render::Renderer;
 use taugate::internals::render::schedule::next_samples;
-use taugate::internals::settings::{Budget, MAX_SECONDS, Settings};
+use taugate::internals::settings::{Budget, MAX_SECONDS};
 use taugate::internals::tev::TevStream;
 
 use super::super::live::snapshot;
@@ -23,6 +25,8 @@ use super::picture::{BETWEEN_PICTURES, Picture};
 use super::renderers::Renderers;
 use super::stage::{Effect, Stage};
 use super::{Answers, describe, save};
+use iteration::{change, sum};
+use probed::Probed;
 
 /// Minimum time between two pictures while no page is connected.
 const WITHOUT_PAGE: Duration = Duration::from_secs(10);
@@ -111,29 +115,6 @@ pub struct Work {
     has_news: bool,
     /// Estimated relMSE of the last picture of the full image.
     relmse: Option<f64>,
-}
-
-/// What the histogram of arriving light depends on, apart from the scene, the emitters, the camera and noise.
-#[derive(Clone, Copy, PartialEq)]
-struct Probed {
-    resolution: [u32; 2],
-    max_depth: u32,
-}
-
-impl Probed {
-    fn new(settings: &Settings) -> Probed {
-        Probed { resolution: settings.resolution(), max_depth: settings.max_depth() }
-    }
-
-    fn has_size_of(&self, other: &Probed) -> bool {
-        self.resolution == other.resolution
-    }
-
-    fn has_light_of(&self, other: &Probed) -> bool {
-        let [a, b] = [self.resolution, other.resolution].map(|size| size.map(u64::from));
-        // The field of view depends on the aspect ratio.
-        a[0] * b[1] == a[1] * b[0] && self.max_depth == other.max_depth
-    }
 }
 
 impl Engine {
@@ -376,53 +357,6 @@ impl Engine {
         Ok(Next::Step)
     }
 
-    /// Renders an iteration of the full image, and listens to the pages meanwhile. Returns whether the iteration was added to the image,
-    /// and the effect of the changes that were accepted. Such a change ends the iteration, unless it has no effect. A pause or a wish to
-    /// save ends it too if there is an image which that leaves as it is.
-    fn iterate(&mut self, samples: u32) -> Result<(bool, Option<Effect>)> {
-        let full = &mut self.work.renderers.as_mut().expect("the scene is prepared").full;
-        // An abandoned iteration of responses costs their images.
-        let keeps_image = full.film().iterations() > 0 && !full.has_responses();
-        let stop = Arc::<AtomicBool>::default();
-        let abandon = || stop.store(true, Ordering::SeqCst);
-        let mut total = None;
-        let sender = &self.sender;
-        thread::scope(|scope| {
-            let iteration = scope.spawn(|| {
-                // Even after a panic.
-                let _over = OnDrop(|| drop(sender.send(Command::IterationOver)));
-                full.iterate_unless(samples, &stop)
-            });
-            while let Ok(command) = self.inbox.recv() {
-                match command {
-                    Command::IterationOver => break,
-                    Command::Set { changes, page } if self.waiting.is_empty() => {
-                        total = sum(total, change(&mut self.stage, &changes, &page));
-                        if total.is_some_and(|effect| effect != Effect::Nothing) {
-                            abandon();
-                        }
-                    }
-                    Command::Pause(on) => {
-                        self.work.paused = on;
-                        total = sum(total, Some(Effect::Nothing));
-                        if on && keeps_image {
-                            abandon();
-                        }
-                    }
-                    // What is saved is the image before later changes, so these wait too.
-                    command => {
-                        if matches!(command, Command::End) || keeps_image {
-                            abandon();
-                        }
-                        self.waiting.push_back(command);
-                    }
-                }
-            }
-            let is_added = iteration.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-            Ok((is_added, total))
-        })
-    }
-
     /// Publishes the progress, and the full image if it has new samples. Also offers the image to tev.
     fn publish_picture(&mut self, phase: Phase) {
         let work = &mut self.work;
@@ -489,28 +423,5 @@ impl Engine {
             Ok(files) => Report::Saved { files: files.iter().map(|file| file.display().to_string()).collect() },
             Err(message) => Report::Problem { message },
         }
-    }
-}
-
-/// Applies changes. Tells the page if they are refused, and returns their effect otherwise.
-fn change(stage: &mut Stage, changes: &BTreeMap<String, Change>, page: &Answers) -> Option<Effect> {
-    let effect = stage.change(changes);
-    effect.inspect_err(|error| page.send(&Report::Problem { message: error.to_string() })).ok()
-}
-
-/// The effect of two changes, each of which may have been refused.
-fn sum(first: Option<Effect>, second: Option<Effect>) -> Option<Effect> {
-    match (first, second) {
-        (Some(first), Some(second)) => Some(first.and(second)),
-        _ => first.or(second),
-    }
-}
-
-/// Does something when it is dropped.
-struct OnDrop<F: FnMut()>(F);
-
-impl<F: FnMut()> Drop for OnDrop<F> {
-    fn drop(&mut self) {
-        self.0();
     }
 }
