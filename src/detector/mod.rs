@@ -85,8 +85,8 @@ impl Bins {
         }
     }
 
-    /// The gates of a laser with this period in metres, see [`crate::settings::Response::repeated`]. Gates that are together longer than
-    /// the period see some light twice, so there is no single gate for a photon that is measured too late: it is lost.
+    /// The gates of a laser with this period in metres, see [`crate::settings::Response::repeated`]. If the gates are together longer than
+    /// the period, some light belongs to two gates. A photon that is measured too late is then lost.
     pub fn repeated(self, period: Option<f64>) -> Bins {
         let length = self.gates[self.gates.len() - 1][1] - self.gates[0][0];
         Bins { period: period.filter(|period| length <= period * (1.0 + 1e-9)), ..self }
@@ -162,8 +162,8 @@ impl Detector {
     /// Random counts per gate over all pulses, for `means` per pulse and gate, of which `steady` are background and dark counts. The same
     /// `seed` gives the same counts. A count is not finite if the mean over all pulses is not. The means must pass [`Detector::check`].
     ///
-    /// A detector without dead time is always on. As many background and dark counts move into a gate by jitter as out of it, so only
-    /// the light is spread; light from outside of all gates is not known. A detector with a dead time is on only in its gates.
+    /// A detector without dead time is always on. Jitter moves as many background and dark counts into a gate as
+    /// out of it, so only the light is spread. Light from outside of all gates is not known. A detector with a dead time is on only in its gates.
     pub fn counts(&self, means: &[f64], steady: &[f64], bins: &Bins, seed: u64) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         match self.blind {

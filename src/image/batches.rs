@@ -164,8 +164,8 @@ impl CellBatches {
         (mean, estimates)
     }
 
-    /// Degrees of freedom of the variance in [`CellBatches::pooled`] if all batches have equal variances, as in Bell and McCaffrey 2002:
-    /// the number of batches less 1 if all have the same number of samples, else less. The noise of samples gives more.
+    /// Degrees of freedom of the variance in [`CellBatches::pooled`] if all batches have equal variances (Bell and McCaffrey 2002). With
+    /// equal numbers of samples, it is the number of batches less 1, otherwise less. The noise of samples gives more.
     pub fn freedom(&self) -> f64 {
         let samples: f64 = self.batches.iter().map(|b| b.0).sum();
         let parts: Vec<f64> = self.batches.iter().map(|b| b.0 / samples).collect();

@@ -132,8 +132,9 @@ impl PreparedScene {
         Some((settings, prepared))
     }
 
-    /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are far
-    /// too large, objects that are far too distant, lamps and pinholes inside of glass, and lamps in the plane of another surface.
+    /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
+    /// far too large, and objects that are far too distant. They also name lamps and pinholes inside of glass, and lamps in the plane of
+    /// another surface.
     pub fn warnings(&self, scene: &Scene) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;

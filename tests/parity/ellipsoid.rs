@@ -229,15 +229,16 @@ fn searches_and_descents_find_triangles_as_often_as_they_say() {
         let all: Vec<Sought> = (0..geometry.triangles.len() as u32).map(sought).collect();
         let met: Vec<(u32, f32)> =
             meets.run::<_, [f32; 2]>(&all, &buffers).iter().map(|m| (m[0].to_bits(), m[1])).collect();
-        let points: Vec<(u32, f64)> = draw
-            .run::<_, [f32; 2]>(&vec![sought(0); POINTS], &buffers)
-            .iter()
-            .map(|p| (p[0].to_bits(), f64::from(p[1])))
-            .collect();
-        for (i, &(meets, integral)) in met.iter().enumerate() {
-            let weights: Vec<f64> = points.iter().map(|&(t, w)| if t == i as u32 { w } else { 0.0 }).collect();
-            let mean = weights.iter().sum::<f64>() / POINTS as f64;
-            let square = weights.iter().map(|w| w * w).sum::<f64>() / POINTS as f64;
+        // Sums of the contributions on each triangle, and of their squares. The triangle is NONE if none was found.
+        let mut sums = vec![[0.0; 2]; met.len()];
+        for [triangle, contribution] in draw.run::<_, [f32; 2]>(&vec![sought(0); POINTS], &buffers) {
+            if let Some([sum, squares]) = sums.get_mut(triangle.to_bits() as usize) {
+                *sum += f64::from(contribution);
+                *squares += f64::from(contribution).powi(2);
+            }
+        }
+        for (i, (&(meets, integral), sums)) in met.iter().zip(&sums).enumerate() {
+            let [mean, square] = sums.map(|sum| sum / POINTS as f64);
             let integral = if meets == 1 { f64::from(integral) } else { 0.0 };
             let error = (square / POINTS as f64).sqrt();
             assert!(mean == 0.0 || integral > 0.0, "triangle {i} is not met, but drawn");
