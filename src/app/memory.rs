@@ -42,11 +42,11 @@ pub fn check_bytes(bytes: u64, free: Option<u64>, what: &str, remedy: &str) -> R
     }
 }
 
-/// Bytes that programs can still allocate, as Linux estimates them, within the limits that Slurm or Kubernetes sets; `None` if the
-/// operating system does not report them.
+/// Bytes that programs can still allocate, as Linux estimates them. Limits that Slurm or Kubernetes sets count. `None` if the operating
+/// system does not report them.
 pub fn free() -> Option<u64> {
     let of_machine = read("/proc/meminfo").and_then(|table| free_in(&table));
-    let groups = read("/proc/self/cgroup").map_or(vec![], |table| groups(&table));
+    let groups = read("/proc/self/cgroup").map_or_else(Vec::new, |table| groups(&table));
     groups.iter().filter_map(|group| group.free()).chain(of_machine).min()
 }
 
@@ -60,8 +60,8 @@ fn free_in(table: &str) -> Option<u64> {
     kibibytes.checked_mul(1024)
 }
 
-/// The folder of a control group, and its files: the limit, the memory in use, and the row of memory.stat with the files that are only
-/// cached.
+/// A control group: its folder, its two files with the limit and with the memory in use, and the two rows of memory.stat about cached
+/// files.
 #[derive(Debug, PartialEq)]
 struct Group {
     folder: PathBuf,

@@ -52,7 +52,7 @@ impl TimedRenderer {
     }
 
     /// Whether the present clock is nearer to `end` than the clock after another iteration. So the clock stops before and after the
-    /// end alike, and on average a renderer with long iterations gets no more time than one with short ones.
+    /// end alike. On average, a renderer with long iterations gets no more time than one with short ones.
     pub fn has_reached(&self, end: f64) -> bool {
         let film = self.renderer.film();
         let next = f64::from(samples_in(film.iterations())) / film.samples().max(1) as f64 * self.clock;

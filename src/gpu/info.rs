@@ -217,7 +217,8 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
 }
 
 /// Index in `infos` of the device that `selector` gives, by number or by a part of its name. Without a selector, index of the
-/// first usable device of the preferred kind; devices with incomplete drivers come last. Fails if no device matches, or if the device is unusable.
+/// first usable device of the preferred kind; devices with incomplete drivers come last. Fails if no device matches, or if the device
+/// is unusable.
 pub(super) fn choose(infos: &[DeviceInfo], selector: Option<&str>) -> Result<usize> {
     if infos.is_empty() {
         return Err(Error::Device(format!("no Vulkan device on this machine; {NO_DRIVER}")));

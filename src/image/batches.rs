@@ -124,14 +124,15 @@ impl CellBatches {
     /// Mean over the pixels of `cells` in one channel, and the variance of that mean. Needs at least two batches.
     ///
     /// The mean is m = sum_i p_i x_i, where x_i is the mean of batch i, and p_i its share of all samples. The variance is
-    /// sum_i p_i^2 (x_i - m)^2 / (1 - p_i): the estimate HC2 of MacKinnon and White 1985. If the variance of x_i is v_i, its
-    /// expectation is sum_i p_i^2 ((1 - 2 p_i) v_i + V) / (1 - p_i), where V = sum_i p_i^2 v_i is the true variance. This is V
+    /// sum_i p_i^2 (x_i - m)^2 / (1 - p_i): the estimate HC2 of MacKinnon and White 1985. Let v_i be the
+    /// variance of x_i. The true variance is then V = sum_i p_i^2 v_i, and the estimate has the expectation
+    /// sum_i p_i^2 ((1 - 2 p_i) v_i + V) / (1 - p_i). This is V
     ///
     /// * if v_i is inversely proportional to p_i, as the noise of samples is: V / v_i is p_i,
     /// * if all p_i are equal, whatever the v_i are.
     ///
-    /// The noise of light subpaths is the third case: an iteration has the same number of them whether it has 2 samples or 8, so
-    /// all v_i are equal. With the lengths of [`crate::render::schedule`] and at least 8 iterations, the estimate is then at most 2 %
+    /// The noise of light subpaths is the third case: all v_i are equal, because an iteration has the same number of light subpaths
+    /// whether it has 2 samples or 8. With the lengths of [`crate::render::schedule`] and at least 8 iterations, the estimate is then at most 2 %
     /// too small. The estimate sum_i p_i (x_i - m)^2 / (n - 1), which assumes the noise of samples, would be up to 23 % too small.
     pub fn pooled(&self, cells: &[usize], channel: usize) -> (f64, f64) {
         let pixels: f64 = cells.iter().map(|&c| self.pixels(c) as f64).sum();
@@ -140,8 +141,8 @@ impl CellBatches {
         (mean, variance)
     }
 
-    /// The variance in [`CellBatches::pooled`] of the mean over all pixels and channels, divided by the estimate that assumes the noise
-    /// of samples. 1 if there is no noise.
+    /// Two estimates of the variance of the mean over all pixels and channels: the one in [`CellBatches::pooled`], divided by the one
+    /// that assumes the noise of samples. 1 if there is no noise.
     pub(super) fn correction(&self) -> f64 {
         if self.batches.len() < 2 {
             return 1.0;
@@ -150,8 +151,8 @@ impl CellBatches {
         if of_samples > 0.0 { variance / of_samples } else { 1.0 }
     }
 
-    /// The mean of a quantity with these sums in each batch, and two estimates of its variance: the one for the noise of samples, and
-    /// the one of [`CellBatches::pooled`].
+    /// The mean of a quantity with these sums in each batch, and two estimates of its variance. The first is for the noise of samples,
+    /// the second is that of [`CellBatches::pooled`].
     fn estimates(&self, sum_of: impl Fn(&[f64]) -> f64) -> (f64, [f64; 2]) {
         let samples: f64 = self.batches.iter().map(|b| b.0).sum();
         let mean = self.batches.iter().map(|(_, sums)| sum_of(sums)).sum::<f64>() / samples;

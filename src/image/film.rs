@@ -152,8 +152,8 @@ impl Film {
     /// too small. Always finite; 0 with fewer than two iterations.
     ///
     /// The noise of light subpaths breaks the rule too: it is the same in iterations of 2, 4 and 8 samples. In a pixel with no other
-    /// noise, the estimate is right up to 16 samples per pixel. It is 12 % too small with 32 samples, 21 % with 128 and 10 % with 512,
-    /// and never more than 23 %. The sums of a pixel do not tell the two kinds of noise apart; the batches of [`Film::cells`] do.
+    /// noise, the estimate is right up to 16 samples per pixel. It is 12 % too small with 32 samples, 21 % with 128 and 10 % with 512;
+    /// the maximum is 23 %. The sums of a pixel do not tell the two kinds of noise apart; the batches of [`Film::cells`] do.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
             return vec![0.0; self.moments.len()];

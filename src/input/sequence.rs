@@ -157,8 +157,8 @@ pub fn at_first_frame(experiment: &Experiment) -> Experiment {
     first
 }
 
-/// Fails with --checkpoint or --resume, if a restarted sequence could not tell which frames are finished, or if an output needs
-/// the frames of other shards.
+/// Fails with --checkpoint or --resume. Also fails if a restarted sequence could not tell which frames are finished, and for a shard
+/// if an output needs the frames of other shards.
 fn check_restartable(output: &OutputTable) -> Result<()> {
     if output.checkpoint.is_some() || output.resume.is_some() {
         return Err(Error::settings(

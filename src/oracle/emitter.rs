@@ -230,9 +230,9 @@ pub fn spots<'a>(
     found
 }
 
-/// Light that arrives at a vertex in `region` straight from a beam: the distance along the beam to its origin, in metres
-/// (geometric, not optical), and the irradiance times the BSDF or phase function. `None` if the radius is
-/// 0, if the vertex is outside the beam, or if the beam is occluded.
+/// Light that arrives at a vertex in `region` straight from a beam. Returns the distance along the beam to its origin, in metres
+/// (geometric, not optical), and the irradiance times the BSDF or phase function. `None` if the radius is 0, if the vertex is outside
+/// the beam, or if the beam is occluded.
 pub fn straight(
     world: &World,
     light: &Light,

@@ -3,100 +3,112 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use crate::scene::{Instance, Mesh, Scene, surrounding_indices};
+use crate::scene::{Instance, Material, Scene, surrounding_indices};
 
 /// At most this many warnings; a file may have thousands of bulbs.
 const MAX_REPORTED: usize = 3;
+/// Maximum number of points and triangles to look at, at most a second of work. After that, there are no further warnings.
+const MAX_STEPS: usize = 1 << 25;
 
 /// One text per piece of glass around the pinhole, or around both a lamp and a surface that is no glass. `sensor`: the points where
 /// camera rays start. `powers`: powers of the emitters in use, by name.
 pub fn warnings(scene: &Scene, space: &RenderSpace, sensor: Box3, powers: &BTreeMap<String, f64>) -> Vec<String> {
     let [outside, _] = surrounding_indices(&scene.media);
     let is_glass = |instance: &&Instance| {
-        let mesh = &scene.meshes[instance.mesh as usize];
-        let material = &scene.materials[mesh.material as usize];
-        material.transmits() && !material.is_null_boundary(mesh, outside)
+        let material = material(scene, instance);
+        material.transmits() && !material.is_null_boundary(&scene.meshes[instance.mesh as usize], outside)
     };
-    let glass = scene.instances.iter().filter(is_glass).map(|instance| Solid::new(scene, instance));
-    let pinhole = space.world(sensor.centre());
-    glass.filter_map(|solid| solid.warning(scene, pinhole, powers)).take(MAX_REPORTED).collect()
+    let glass: Vec<&Instance> = scene.instances.iter().filter(is_glass).collect();
+    if glass.is_empty() {
+        return vec![];
+    }
+    let (points, mut steps) = (Points::new(scene, space.world(sensor.centre()), powers), MAX_STEPS);
+    glass.into_iter().filter_map(|glass| warning(scene, glass, &points, &mut steps)).take(MAX_REPORTED).collect()
 }
 
-/// A mesh in the world.
-struct Solid<'a> {
-    instance: &'a Instance,
-    mesh: &'a Mesh,
-    /// Lower and upper corner in the world.
-    bounds: [DVec3; 2],
+/// The points that may be inside of glass, with the names of their nodes.
+struct Points<'a> {
+    pinhole: [(&'a str, DVec3); 1],
+    /// Lamps in use.
+    lamps: Vec<(&'a str, DVec3)>,
+    /// One point of each instance that neither transmits nor emits.
+    others: Vec<(&'a str, DVec3)>,
 }
 
-impl<'a> Solid<'a> {
-    fn new(scene: &'a Scene, instance: &'a Instance) -> Solid<'a> {
-        Solid { instance, mesh: &scene.meshes[instance.mesh as usize], bounds: scene.bounds_of(instance) }
-    }
-
-    fn warning(&self, scene: &Scene, pinhole: DVec3, powers: &BTreeMap<String, f64>) -> Option<String> {
-        let glass = &self.instance.node;
-        if self.contains(pinhole) {
-            return Some(format!(
-                "the camera is inside of the glass '{glass}', so refraction and travel times are wrong; move the camera out of it"
-            ));
-        }
-        let lamp = self.lamp(scene, powers)?;
-        let other = self.surface(scene)?;
-        Some(format!(
-            "the lamp '{lamp}' is inside of the glass '{glass}', so its light reaches '{other}', which is inside too, too early; move \
-             one of them out of the glass, or use --estimator pt"
-        ))
-    }
-
-    /// Name of a lamp inside.
-    fn lamp<'s>(&self, scene: &'s Scene, powers: &BTreeMap<String, f64>) -> Option<&'s str> {
+impl<'a> Points<'a> {
+    fn new(scene: &'a Scene, pinhole: DVec3, powers: &BTreeMap<String, f64>) -> Points<'a> {
+        let point = |instance: &'a Instance| (instance.node.as_str(), first_corner(scene, instance));
+        let emits = |instance: &&Instance| material(scene, instance).emission != [0.0; 3];
+        let is_opaque = |instance: &&Instance| !material(scene, instance).transmits() && !emits(instance);
         let lights = scene.lights.iter().filter(|light| !light.kind.is_distant());
         let lights = lights.map(|light| (light.node.as_str(), light.position));
-        let surfaces = scene.instances.iter().filter(|instance| emits(scene, instance));
-        let surfaces = surfaces.map(|instance| (instance.node.as_str(), corner(scene, instance)));
-        let mut all = lights.chain(surfaces).filter(|(node, _)| powers.contains_key(*node));
-        all.find(|&(_, position)| self.contains(position)).map(|(node, _)| node)
-    }
-
-    /// Name of an instance inside that neither transmits nor emits.
-    fn surface<'s>(&self, scene: &'s Scene) -> Option<&'s str> {
-        let transmits = |i: &Instance| scene.materials[scene.meshes[i.mesh as usize].material as usize].transmits();
-        let mut others = scene.instances.iter().filter(|i| !transmits(i) && !emits(scene, i));
-        others.find(|instance| self.contains(corner(scene, instance))).map(|instance| instance.node.as_str())
-    }
-
-    /// Whether the mesh surrounds the point: its triangles cover more than three quarters of all directions, counted
-    /// with their orientation.
-    fn contains(&self, point: DVec3) -> bool {
-        let [lo, hi] = self.bounds;
-        if point.cmplt(lo).any() || point.cmpgt(hi).any() {
-            return false;
+        let lamps = lights.chain(scene.instances.iter().filter(emits).map(point));
+        Points {
+            pinhole: [("", pinhole)],
+            lamps: lamps.filter(|(node, _)| powers.contains_key(*node)).collect(),
+            others: scene.instances.iter().filter(is_opaque).map(point).collect(),
         }
-        let at = |corner: u32| {
-            let position = glam::Vec3::from(self.mesh.positions[corner as usize]).as_dvec3();
-            self.instance.transform.transform_point3(position) - point
-        };
-        let covered: f64 = self.mesh.triangles.iter().map(|triangle| signed_solid_angle(triangle.map(at))).sum();
-        covered.abs() > 3.0 * PI
     }
 }
 
-/// Whether the instance has an emissive material.
-fn emits(scene: &Scene, instance: &Instance) -> bool {
-    scene.materials[scene.meshes[instance.mesh as usize].material as usize].emission != [0.0; 3]
+fn warning(scene: &Scene, glass: &Instance, points: &Points, steps: &mut usize) -> Option<String> {
+    let bounds = scene.bounds_of(glass);
+    let mut inside = |points| inside(scene, glass, bounds, points, steps);
+    let node = &glass.node;
+    if inside(&points.pinhole).is_some() {
+        return Some(format!(
+            "the camera is inside of the glass '{node}', so refraction and travel times are wrong; move the camera out of it"
+        ));
+    }
+    let lamp = inside(&points.lamps)?;
+    let other = inside(&points.others)?;
+    Some(format!(
+        "the lamp '{lamp}' is inside of the glass '{node}', so its light reaches '{other}', which is inside too, too early; move one of \
+         them out of the glass, or use --estimator pt"
+    ))
 }
 
-/// A corner of a triangle of the instance.
-fn corner(scene: &Scene, instance: &Instance) -> DVec3 {
-    let mesh = &scene.meshes[instance.mesh as usize];
-    let first = mesh.triangles.first().map_or(0, |triangle| triangle[0]);
-    instance.transform.transform_point3(glam::Vec3::from(mesh.positions[first as usize]).as_dvec3())
+/// The node of the first of the points that the mesh surrounds: its triangles cover more than three quarters of all directions,
+/// counted with their orientation. `bounds`: lower and upper corner of a box around the glass in metres in the world. Subtracts from
+/// `steps`, and stops when there are none left.
+fn inside<'p>(
+    scene: &Scene,
+    glass: &Instance,
+    [lo, hi]: [DVec3; 2],
+    points: &[(&'p str, DVec3)],
+    steps: &mut usize,
+) -> Option<&'p str> {
+    let triangles = &scene.meshes[glass.mesh as usize].triangles;
+    for &(node, point) in points {
+        let is_outside = point.cmplt(lo).any() || point.cmpgt(hi).any();
+        *steps = steps.checked_sub(if is_outside { 1 } else { triangles.len() })?;
+        let seen = |index: u32| corner(scene, glass, index) - point;
+        let solid_angle = || triangles.iter().map(|triangle| signed_solid_angle(triangle.map(seen))).sum::<f64>();
+        if !is_outside && solid_angle().abs() > 3.0 * PI {
+            return Some(node);
+        }
+    }
+    None
+}
+
+fn material<'a>(scene: &'a Scene, instance: &Instance) -> &'a Material {
+    &scene.materials[scene.meshes[instance.mesh as usize].material as usize]
+}
+
+/// The position in the world of a vertex of the instance's mesh.
+fn corner(scene: &Scene, instance: &Instance, index: u32) -> DVec3 {
+    let position = scene.meshes[instance.mesh as usize].positions[index as usize];
+    instance.transform.transform_point3(Vec3::from(position).as_dvec3())
+}
+
+/// The first corner of the first triangle.
+fn first_corner(scene: &Scene, instance: &Instance) -> DVec3 {
+    let first = scene.meshes[instance.mesh as usize].triangles.first();
+    corner(scene, instance, first.map_or(0, |triangle| triangle[0]))
 }
 
 /// Solid angle of a triangle seen from the origin, in sr; negative for the other orientation (van Oosterom and Strackee 1983).

@@ -201,10 +201,10 @@ impl Renderer {
         })
     }
 
-    /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light
-    /// vertices and `samples` samples per pixel (1 to 16; for a camera with aimed rays to 1024): in every pixel, or on average if
-    /// the sampling is adaptive. Fails if `samples` is out of range, if a buffer does not fit the device, if the device is lost, or
-    /// if the device's counts contradict each other. After an error the film is as before. But a render of several responses begins
+    /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light vertices and
+    /// `samples` samples per pixel: in every pixel, or on average if the sampling is adaptive. `samples` is 1 to 16, for a camera with
+    /// aimed rays 1 to 1024. Fails if it is out of range or if a buffer does not fit the device. Also fails if the device is lost, or if
+    /// its counts contradict each other. After an error the film is as before. But a render of several responses begins
     /// anew if a part of the iteration is in its images; then [`Film::samples`] is 0.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         self.iterate_unless(samples, &Arc::default()).map(drop)

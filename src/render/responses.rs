@@ -101,11 +101,8 @@ impl Supports {
         if !self.are_sorted {
             return (0..self.ends.len()).for_each(visit);
         }
-        let ([Some([first, _]), Some([_, last])], margin) =
-            ([self.ends.first(), self.ends.last()], ROUNDING * (tau + self.reach))
-        else {
-            return;
-        };
+        let margin = ROUNDING * (tau + self.reach);
+        let [Some([first, _]), Some([_, last])] = [self.ends.first(), self.ends.last()] else { return };
         let pulses = match self.period {
             None => 0..=0,
             Some(period) => {

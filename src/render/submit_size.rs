@@ -98,8 +98,8 @@ mod tests {
         assert_eq!(fixed.get(), 100);
     }
 
-    /// Renders the iterations of an image whose first million samples see the sky and whose last 200,000 are a hundred times as slow,
-    /// on a fast card. Returns the seconds of the longest submit in each iteration.
+    /// Renders the iterations of an image on a fast card. The first million samples see the sky, and the last 200,000 are a hundred times
+    /// as slow. Returns the seconds of the longest submit in each iteration.
     fn longest_submits(iterations: usize) -> Vec<f64> {
         let (sky, foliage) = (2e-8, 2e-6);
         let mut tile = TileSize::new(1 << 13, 1 << 20, false);

@@ -203,8 +203,7 @@ fn door_ajar_with_its_beam_agrees_with_the_oracle() {
     let scene = build(Kind::DoorAjar);
     let gates = [(14.0, 15.0), (0.0, f64::INFINITY)];
     // Rooms with every feature test `bdpt` and `lcs` with beams.
-    let others = vec![Estimator::Epc, Estimator::LcsPaper];
-    let tested = if is_long() { estimators(&scene) } else { others };
+    let tested = if is_long() { estimators(&scene) } else { vec![Estimator::Epc, Estimator::LcsPaper] };
     assert_none(against("door", &tested, &scene, &gates, &oracle(&scene, &gates, [32, 16], oracle_samples())));
 }
 

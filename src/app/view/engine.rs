@@ -38,8 +38,8 @@ const SOON: f64 = 0.3;
 const PREVIEW_SAMPLES: u32 = 2;
 /// The time between two pictures is at least this many times the time that one picture takes.
 const TIME_PER_PICTURE: u32 = 20;
-/// Time between two attempts to show a finished image in tev, which may be started again at any time. tev gets only what it does not
-/// have. An attempt takes at most one part in [`TIME_PER_PICTURE`] of the time.
+/// Time between two attempts to show a finished image in tev, which the user may start again. tev gets only what it does not have. An
+/// attempt takes at most one part in [`TIME_PER_PICTURE`] of the time.
 const TEV_RETRY: Duration = Duration::from_secs(2);
 
 /// A request of a page. Answers go to the queue `page`.

@@ -20,7 +20,7 @@ fn block() -> Scene {
     scene
 }
 
-/// The block with a camera at (0.5, 0.5, 10) that looks along -Z, and a point lamp called `sky`, so that added skies and
+/// The block with a camera at (0.5, 0.5, 10) that looks along -Z, and a point lamp. The lamp is called `sky`, so that added skies and
 /// lights collide with its name.
 fn staged() -> Scene {
     let mut scene = block();

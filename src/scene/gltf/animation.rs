@@ -126,9 +126,9 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
 }
 
 /// Sets translation, rotation, scale and weights of the nodes to their values at the time of `playback`. Without a time, the nodes
-/// stay as they are; if the file has animations, the user gets a warning. Fails if `playback` has an animation but no time, if that
-/// animation does not exist, if no node moves, if the time is not between 0 and the end of the animations, or if an animation is
-/// not valid. Returns [`super::Scene::moving`].
+/// stay as they are; if the file has animations, the user gets a warning. Fails if `playback` has an animation but no time, or if that
+/// animation does not exist. Also fails if no node moves, if the time is not between 0 and the end of the animations, or if an
+/// animation is not valid. Returns [`super::Scene::moving`].
 pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<Option<BTreeSet<String>>> {
     let Some(time) = playback.at else {
         if let Some(name) = playback.animation {

@@ -82,8 +82,8 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
         _ => return None,
     };
     let channels = stride / 4;
-    // The tail is at the end of the stream, behind its padding: the baseline, to which the first deltas are added, and in version 1
-    // one mode per channel.
+    // The tail is at the end of the stream, behind its padding. It is the baseline, to which the first deltas are added, and in version 1
+    // also one mode per channel.
     let tail = stride + if is_v1 { channels } else { 0 };
     let padded = tail.max(if is_v1 { 24 } else { 32 });
     let (mut data, end) = body.split_at_checked(body.len().checked_sub(padded)?)?;

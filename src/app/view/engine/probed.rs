@@ -3,7 +3,7 @@
 use taugate::internals::settings::Settings;
 
 /// What the histogram of arriving light depends on, apart from the scene, the emitters, the camera and noise.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub struct Probed {
     resolution: [u32; 2],
     max_depth: u32,
