@@ -62,14 +62,11 @@ pub fn device(name: Option<&str>) -> Result<Device> {
     Ok(device)
 }
 
-/// After an error of a device, such as its loss, the next render opens it anew. A device whose memory is too small stays open.
-pub fn forget_broken<T>(result: Result<T>) -> Result<T> {
-    if let Err(Failure::Library(taugate::Error::Device(message))) = &result
-        && !message.contains("memory")
-    {
-        *lock(&DEVICES) = None;
+/// Closes the devices that were lost, so that the next render opens them anew.
+pub fn forget_lost() {
+    if let Some(devices) = &mut *lock(&DEVICES) {
+        devices.retain(|_, device| !device.is_lost());
     }
-    result
 }
 
 /// A render that is ready for its first iteration.
@@ -201,7 +198,24 @@ pub fn is_interrupt(error: &PyErr) -> bool {
     Python::attach(|py| error.is_instance_of::<PyKeyboardInterrupt>(py))
 }
 
-/// Adds iterations until the budget is used or Python asks to stop. Returns the seconds, and the interrupt if Python asked.
+/// The exception that ended the work of [`watched`] early but keeps the result so far: an interrupt, or the loss of the device. All other
+/// failures, and a loss before there was a result, are errors.
+pub fn early_end(
+    ended: Result<()>,
+    failure: Option<PyErr>,
+    device: &Device,
+    has_result: bool,
+) -> Result<Option<PyErr>> {
+    match (ended, failure) {
+        (Err(loss), _) if device.is_lost() && has_result => Ok(Some(loss.into())),
+        (Err(error), _) => Err(error),
+        (Ok(()), Some(error)) if !is_interrupt(&error) => Err(error.into()),
+        (Ok(()), interrupt) => Ok(interrupt),
+    }
+}
+
+/// Adds iterations until the budget is used or Python asks to stop. Returns the seconds, and the exception that ended it early if the
+/// image so far is kept.
 pub fn iterate(
     renderer: &mut Renderer,
     settings: &Settings,
@@ -210,11 +224,8 @@ pub fn iterate(
 ) -> Result<(f64, Option<PyErr>)> {
     let started = Instant::now();
     let (ended, failure) = watched(progress, |steps, stop| add(renderer, settings, strict, &steps, stop, started));
-    ended?;
-    match failure {
-        Some(error) if !is_interrupt(&error) => Err(error.into()),
-        interrupt => Ok((started.elapsed().as_secs_f64(), interrupt)),
-    }
+    let end = early_end(ended, failure, renderer.device(), renderer.film().iterations() > 0)?;
+    Ok((started.elapsed().as_secs_f64(), end))
 }
 
 fn add(

@@ -14,7 +14,7 @@ use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, check_aime
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::{Budget, Sampling, Settings};
 
-use crate::engine::{self, Step, is_interrupt, watched};
+use crate::engine::{self, Step, early_end, watched};
 use crate::errors::{Failure, Result, settings as mistake};
 use crate::flags::Words;
 use crate::image::array;
@@ -34,7 +34,8 @@ pub fn scan<'py>(
     flags: Vec<Words>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Option<Arrays<'py>>, Vec<String>, Option<PyErr>)> {
-    let result = py.detach(|| engine::forget_broken(run(&scene.job(&flags)?, progress.as_ref())));
+    let result = py.detach(|| run(&scene.job(&flags)?, progress.as_ref()));
+    engine::forget_lost();
     let Measured { arrays, warnings, interrupt } = result?;
     let arrays = arrays.map(|(ScanArrays { shape, means, variances }, description)| {
         let variances = variances.map(|values| array(py, values, &shape)).transpose()?;
@@ -89,10 +90,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
         samples: 0,
     };
     let (ended, failure) = watched(progress, |steps, stop| measuring.run(&mut renderer, &steps, stop));
-    ended?;
-    if let Some(error) = failure.as_ref().filter(|error| !is_interrupt(error)) {
-        return Err(Python::attach(|py| error.clone_ref(py)).into());
-    }
+    let interrupt = early_end(ended, failure, &device, measuring.measured > 0)?;
     let Measuring { film, measured, samples, .. } = measuring;
     let is_whole = measured == scan.laser_points.len();
     if is_whole && film.is_black() && !experiment.gate.force.unwrap_or(false) {
@@ -110,7 +108,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     if dropped > 0 {
         warnings.push(format!("{dropped} samples were not finite and count as 0"));
     }
-    Ok(Measured { arrays, warnings, interrupt: failure.filter(|_| !is_whole) })
+    Ok(Measured { arrays, warnings, interrupt: interrupt.filter(|_| !is_whole) })
 }
 
 struct Measuring<'a> {

@@ -129,8 +129,9 @@ impl NativeScene {
     fn info<'py>(&self, py: Python<'py>, flags: Vec<Words>, arrival: bool) -> PyResult<Bound<'py, PyDict>> {
         let (job, times) = py.detach(|| {
             let job = self.state()?.job(&flags)?;
-            let times = if arrival { Some(engine::forget_broken(arrivals(&job))?) } else { None };
-            Result::Ok((job, times))
+            let times = if arrival { Some(arrivals(&job)) } else { None };
+            engine::forget_lost();
+            Result::Ok((job, times.transpose()?))
         })?;
         let scene = &job.scene;
         let dict = PyDict::new(py);
@@ -169,7 +170,7 @@ impl NativeScene {
         View::of(&job.scene, &job.resolved.settings)
     }
 
-    /// Renders. `single`: fail if there are several responses. Returns the image, and the exception that interrupted it, if any.
+    /// Renders. `single`: fail if there are several responses. Returns the image, and the exception that ended it early, if any.
     #[pyo3(signature = (flags, single, progress=None))]
     fn render(
         &self,
@@ -183,7 +184,8 @@ impl NativeScene {
             *lock(&self.renders) = Some(thread::current().id());
             let result = state.render(&flags, single, progress.as_ref());
             *lock(&self.renders) = None;
-            engine::forget_broken(result)
+            engine::forget_lost();
+            result
         })?)
     }
 
@@ -252,14 +254,15 @@ impl NativeScene {
         let has_variance = settings.responses().len() > 1 && experiment.output.variance.unwrap_or(false);
         memory::check(settings, has_variance, memory::free())?;
         let before = state.ready.take();
-        engine::forget_broken(engine::prepare(before, scene, &experiment, settings, has_variance).and_then(
-            |prepared| {
-                let mut ready = prepared.ready;
+        let result = engine::prepare(before, scene, &experiment, settings, has_variance).and_then(
+            |Prepared { mut ready, .. }| {
                 let result = work(&mut ready.renderer, settings, &printed)?;
                 state.ready = Some(ready);
                 Ok(result)
             },
-        ))
+        );
+        engine::forget_lost();
+        result
     }
 
     /// The fingerprint that the program gives to the files of an experiment; `None` if the scene is from arrays, or nodes were moved.
@@ -389,7 +392,7 @@ impl State {
         };
         let (view, dropped) = (View::of(&ready.scene, settings)?, renderer.stats().dropped);
         let image = Image { sums, responses: settings.responses().clone(), layers, view, notes, warnings, dropped };
-        self.ready = Some(ready);
+        self.ready = Some(ready).filter(|ready| !ready.renderer.device().is_lost());
         Ok((image, interrupt))
     }
 

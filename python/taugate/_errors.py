@@ -18,7 +18,12 @@ class FileError(Error, OSError):
 
 
 class DeviceError(Error, RuntimeError):
-    """There is no usable Vulkan device, or its memory is too small."""
+    """There is no usable Vulkan device, its memory is too small, or it was lost.
+
+    ``image`` is the image, histogram or scan that was rendered before the device was lost; otherwise ``None``.
+    """
+
+    image = None
 
 
 class NotFiniteError(Error, ArithmeticError):
@@ -35,6 +40,16 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, image=None):
         super().__init__("the render was interrupted; the result so far is in .image")
         self.image = image
+
+
+def early_end(exception, image):
+    """The exception for a render that ended early, with the image so far."""
+    if isinstance(exception, DeviceError):
+        exception.image = image
+        return exception
+    interrupted = Interrupted(image)
+    interrupted.__cause__ = exception
+    return interrupted
 
 
 def explain_changes(cls):

@@ -5,7 +5,7 @@ import logging
 import sys
 import warnings
 
-from ._errors import Interrupted, SettingsError
+from ._errors import Interrupted, SettingsError, early_end
 from ._image import Histogram, Image
 from ._scene import Scene, load
 
@@ -23,7 +23,8 @@ def render(scene, *, progress=None, **settings):
     seconds. The same settings give the same bits as the program. ``camera`` may be a :class:`Camera`.
 
     ``progress``: a function that gets a :class:`Progress` after each iteration, or ``True`` for a progress bar (tqdm, if it is installed). A
-    function that is slower than the iterations gets the newest one. An exception of the function ends the render. An interrupt (Ctrl-C) raises :class:`Interrupted`, whose ``image`` is the image so far.
+    function that is slower than the iterations gets the newest one. An exception of the function ends the render. An interrupt (Ctrl-C) raises :class:`Interrupted`, and
+    the loss of the device raises :class:`DeviceError`. Their ``image`` is the image so far.
     """
     return _run("render", Image, True, scene, progress, settings)
 
@@ -51,7 +52,7 @@ def _run(call, kind, single, scene, progress, settings):
     for warning in all_warnings(result):
         warnings.warn(warning, stacklevel=3)
     if interrupt is not None:
-        raise Interrupted(result if result.samples else None) from interrupt
+        raise early_end(interrupt, result if result.samples else None)
     return result
 
 

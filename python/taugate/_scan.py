@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from . import _native
-from ._errors import Interrupted, SettingsError
+from ._errors import SettingsError, early_end
 from ._render import watcher
 from ._scene import Scene, load
 
@@ -144,8 +144,8 @@ def scan(scene, *, progress=None, **settings):
     """Measures a scan and returns a :class:`Scan`.
 
     ``scene`` is an experiment (.toml) with a table ``[scan]``, or a :class:`Scene` that was loaded from one. Keyword arguments and ``progress`` are
-    as for :func:`render`; ``spp`` counts samples per pair of points. An interrupt raises :class:`Interrupted`, whose ``image`` is the
-    scan so far.
+    as for :func:`render`; ``spp`` counts samples per pair of points. An interrupt raises :class:`Interrupted`, and
+    the loss of the device raises :class:`DeviceError`. Their ``image`` is the scan so far.
     """
     scene = scene if isinstance(scene, Scene) else load(scene)
     native, flags = scene._job(settings, "scan")
@@ -158,7 +158,7 @@ def scan(scene, *, progress=None, **settings):
     for warning in found:
         warnings.warn(warning, stacklevel=2)
     if interrupt is not None:
-        raise Interrupted(result) from interrupt
+        raise early_end(interrupt, result)
     return result
 
 

@@ -2,7 +2,7 @@
 
 #![warn(missing_docs)]
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use ash::vk;
@@ -75,6 +75,11 @@ impl Device {
     /// Number of times that the host has waited for the device since the device was opened.
     pub fn waits(&self) -> u64 {
         self.shared.waits.load(Ordering::Relaxed)
+    }
+
+    /// Whether the device was lost. It then runs nothing any more, and must be opened anew.
+    pub fn is_lost(&self) -> bool {
+        self.shared.is_lost.load(Ordering::Relaxed)
     }
 
     /// Number of memory allocations since the device was opened, staging memory included.
@@ -151,6 +156,7 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         bytes: AtomicU64::new(0),
         waits: AtomicU64::new(0),
         lost_after,
+        is_lost: AtomicBool::new(false),
         allocations: AtomicU64::new(0),
         _instance: instance,
     };

@@ -1,6 +1,6 @@
 //! State of an open device that all its buffers, kernels and recorders share: handles, queue and counters.
 
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use ash::vk;
@@ -28,6 +28,8 @@ pub(super) struct Shared {
     pub waits: AtomicU64,
     /// The device counts as lost when the host has waited this often; see [`lost_after`].
     pub lost_after: u64,
+    /// Whether a call has found the device lost. It then stays lost.
+    pub is_lost: AtomicBool,
     /// Number of memory allocations.
     pub allocations: AtomicU64,
     // Never read. `drop` destroys the device first; then this field destroys the instance.
@@ -49,7 +51,11 @@ pub(super) fn lost_after() -> Result<u64> {
 }
 
 impl Shared {
+    /// The error for the result `e` of a call. Also notes the loss of the device.
     pub fn error(&self, doing: &str, e: vk::Result) -> Error {
+        if e == vk::Result::ERROR_DEVICE_LOST {
+            self.is_lost.store(true, Ordering::Relaxed);
+        }
         device_error(doing, e)
     }
 
