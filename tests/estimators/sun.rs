@@ -72,7 +72,7 @@ fn a_wall_with_its_back_to_the_sun_is_black() {
 
 /// The Cornell box with a glossy block. Sunlight falls in from the open side. There is no glass, because the oracle and `pt` do not
 /// find the light of a sun through glass.
-fn sunny_box() -> Scene {
+pub fn sunny_box() -> Scene {
     let mut scene = build(Kind::CornellBox);
     let gloss = material(&mut scene, plastic("gloss", [0.4, 0.5, 0.4], 0.4));
     add(&mut scene, "gloss", gloss, cuboid(DVec3::new(-0.9, 0.0, 0.4), DVec3::new(-0.5, 0.3, 0.8)));

@@ -10,9 +10,15 @@ use crate::scene::{Light, LightKind, SkyImage, cap_height, spot_solid_angle};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, PathVertex};
 
-/// Distance in units of render space from the scene to the light vertex of a sun. Coordinates in the scene are a few units, so
-/// the directions to the vertex differ by about 1e-6, the rounding error of a direction.
+/// Distance in units of render space from the scene to the light vertex of a sun, if the scene has a radius up to [`USUAL_RADIUS`].
+/// The directions to the vertex then differ by about 1e-6, the rounding error of a direction.
 const SUN_DISTANCE: f64 = (1 << 20) as f64;
+
+/// In units of render space. A scene has a larger radius if one of its objects is very far away.
+const USUAL_RADIUS: f64 = 8.0;
+
+/// Upper bound on the intensity of the light vertex of a sun, in units of render space. The vertex of a stronger sun is nearer.
+const MAX_SUN_INTENSITY: f64 = 1e37;
 
 /// A sphere that contains the scene, in render space.
 #[derive(Debug, Clone, Copy)]
@@ -98,8 +104,11 @@ fn sun(direction: DVec3, irradiance: [f32; 3], around: &Sphere) -> LightRecord {
         outer: radius as f32,
         ..bytemuck::Zeroable::zeroed()
     };
-    let square = SUN_DISTANCE * SUN_DISTANCE;
-    let far = Emitter { position: from(SUN_DISTANCE), strength: times(square), inner: (square / area) as f32, ..entry };
+    let distance = SUN_DISTANCE * (f64::from(around.radius) / USUAL_RADIUS).max(1.0);
+    let strongest = f64::from(irradiance.into_iter().fold(0.0, f32::max));
+    let distance = distance.min((MAX_SUN_INTENSITY / strongest).sqrt());
+    let square = distance * distance;
+    let far = Emitter { position: from(distance), strength: times(square), inner: (square / area) as f32, ..entry };
     let flux = luminance(irradiance) * area;
     let LightRecord { vertex, .. } = punctual(far, EMIT_SUN, flux);
     LightRecord { entry, flux, position: entry.position.into(), radius: radius as f32, vertex, is_thin: false }

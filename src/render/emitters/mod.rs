@@ -15,7 +15,7 @@ use super::geometry::Geometry;
 use super::space::RenderSpace;
 use crate::scene::{Light, Medium, Scene, SkyImage, surrounding_indices};
 use crate::settings::Emitters;
-use crate::wgsl::layout::constants::EMITTER_SKY;
+use crate::wgsl::layout::constants::{EMITTER_BEAM, EMITTER_SKY};
 use crate::wgsl::layout::{Emitter, PathVertex};
 use light::{LightRecord, Sphere};
 use power::Powers;
@@ -23,7 +23,7 @@ pub use sky::table as sky_table;
 
 /// The emitters in the layout that the kernels read.
 pub struct EmitterSet {
-    /// Alias table over flux: first triangles, then lights without a surface. Beams of zero radius are last.
+    /// Alias table over flux, in which beams have at least [`MIN_BEAM_SHARE`]: first triangles, then lights without a surface. Beams of zero radius are last.
     pub table: Vec<Emitter>,
     /// Point lights, spot lights and suns as light vertices. Each shade point connects to all of them, or to a selection if they are
     /// many.
@@ -69,6 +69,7 @@ impl EmitterSet {
         let mut weights = vec![];
         let densities = set.add_triangles(scene, geometry, &mut weights);
         set.add_lights(scene, selected, space, geometry, &mut weights);
+        favour_beams(&set.table, &mut weights);
         let total: f64 = weights.iter().sum();
         for (entry, weight) in set.table.iter_mut().zip(&weights) {
             entry.select_pdf = (weight / total) as f32;
@@ -166,6 +167,22 @@ impl EmitterSet {
     fn enclose(&mut self, p: Vec3, radius: f32) {
         self.lo = self.lo.min(p - radius);
         self.hi = self.hi.max(p + radius);
+    }
+}
+
+/// Smallest share of the light subpaths that start at beams, if there are any. No other strategy finds the light of a beam, so the light
+/// of a weak beam beside a strong lamp would rest on very few subpaths.
+const MIN_BEAM_SHARE: f64 = 1.0 / 16.0;
+
+/// Scales the weights of all beams so that beams have at least [`MIN_BEAM_SHARE`] of the sum of all weights.
+fn favour_beams(table: &[Emitter], weights: &mut [f64]) {
+    let is_beam = |entry: &Emitter| entry.kind == EMITTER_BEAM;
+    let of_beams: f64 = table.iter().zip(&*weights).filter(|(entry, _)| is_beam(entry)).map(|(_, weight)| weight).sum();
+    let of_others = weights.iter().sum::<f64>() - of_beams;
+    let least = of_others * MIN_BEAM_SHARE / (1.0 - MIN_BEAM_SHARE);
+    if of_beams > 0.0 && of_beams < least {
+        let beams = table.iter().zip(weights).filter(|(entry, _)| is_beam(entry));
+        beams.for_each(|(_, weight)| *weight *= least / of_beams);
     }
 }
 
