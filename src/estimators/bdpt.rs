@@ -1,16 +1,17 @@
 //! `bdpt`: full bidirectional path tracing (Veach 1997, ch. 10). Each shade point is connected to every vertex of one light
 //! subpath; paths outside the gate are rejected. `bdpt` is a baseline of the paper.
 
-use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use super::{Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_BDPT;
 
 pub(super) static RECORD: Record = Record {
     name: "bdpt",
-    // With a wide gate or none, nearly all vertices are valid: choosing among them by query costs time and gains little.
-    is_default: |c| match c.gate {
-        GateWidth::Narrow => false,
-        GateWidth::Wide => true,
-        GateWidth::Open => c.focuses_light || c.has_beam,
+    // With a wide gate or none, nearly all vertices are valid: choosing among them by query costs time and gains little, except in
+    // thick fog.
+    is_default: |c| match (c.gate, c.fog) {
+        (GateWidth::Narrow, _) | (_, Fog::Thick) => false,
+        (GateWidth::Wide, _) | (GateWidth::Open, Fog::Thin) => true,
+        (GateWidth::Open, Fog::None) => c.focuses_light || c.has_beam,
     },
     max_default_light_paths: 50_000,
     adaptive: true,

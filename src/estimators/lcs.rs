@@ -2,7 +2,7 @@
 //! the candidates for one shadow ray. In a histogram over a wide range of travel times, nearly every vertex meets some bin, and
 //! each bin needs connections. So `lcs` draws vertices evenly over travel time there, and traces a shadow ray to each of them.
 
-use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
+use super::{Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
 use crate::wgsl::layout::constants::{ESTIMATOR_LCS_BY_TIME, MAX_TIME_GROUPS};
 
 const NAME: &str = "lcs";
@@ -16,7 +16,7 @@ pub(super) static RECORD: Record = Record { for_thin_gates: Some(&FOR_THIN_GATES
 
 const GENERAL: Record = Record {
     name: NAME,
-    is_default: |c| c.gate == GateWidth::Narrow,
+    is_default: |c| c.gate == GateWidth::Narrow || c.fog == Fog::Thick,
     max_default_light_paths: MAX_LIGHT_PATHS,
     adaptive: true,
     light_subpaths: true,

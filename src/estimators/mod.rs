@@ -99,6 +99,19 @@ pub struct Conditions {
     pub focuses_light: bool,
     /// Whether the scene has a collimated beam.
     pub has_beam: bool,
+    /// How much the media of the scene scatter.
+    pub fog: Fog,
+}
+
+/// How much the media of a scene scatter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fog {
+    /// Not at all.
+    None,
+    /// Less than `Thick`.
+    Thin,
+    /// Light that crosses the scene scatters several times.
+    Thick,
 }
 
 /// Width of the gate relative to the size of the scene.
@@ -261,11 +274,13 @@ mod tests {
     fn one_estimator_is_the_default_for_any_conditions() {
         for gate in [GateWidth::Narrow, GateWidth::Wide, GateWidth::Open] {
             for [focuses_light, has_beam] in [[false, false], [false, true], [true, false], [true, true]] {
-                let conditions = Conditions { gate, focuses_light, has_beam };
-                let is_default = |e: &Estimator| (e.record().is_default)(&conditions);
-                let defaults: Vec<Estimator> = Estimator::ALL.into_iter().filter(is_default).collect();
-                assert_eq!(defaults.len(), 1, "{conditions:?}: {defaults:?}");
-                assert!(!has_beam || defaults[0].sees_beams(), "{conditions:?}: {defaults:?}");
+                for fog in [Fog::None, Fog::Thin, Fog::Thick] {
+                    let conditions = Conditions { gate, focuses_light, has_beam, fog };
+                    let is_default = |e: &Estimator| (e.record().is_default)(&conditions);
+                    let defaults: Vec<Estimator> = Estimator::ALL.into_iter().filter(is_default).collect();
+                    assert_eq!(defaults.len(), 1, "{conditions:?}: {defaults:?}");
+                    assert!(!has_beam || defaults[0].sees_beams(), "{conditions:?}: {defaults:?}");
+                }
             }
         }
     }

@@ -1,14 +1,14 @@
 //! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters, so only the strategies with s <= 1 and
 //! t >= 2 exist.
 
-use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use super::{Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_PT;
 
 pub(super) static RECORD: Record = Record {
     name: "pt",
-    // Without a gate it is the fastest estimator if nothing focuses light and no collimated beam shines
+    // Without a gate it is the fastest estimator if nothing focuses light, no collimated beam shines, and there is no fog
     // (docs/notebook/no-gate.md).
-    is_default: |c| c.gate == GateWidth::Open && !c.focuses_light && !c.has_beam,
+    is_default: |c| c.gate == GateWidth::Open && c.fog == Fog::None && !c.focuses_light && !c.has_beam,
     max_default_light_paths: 50_000,
     adaptive: true,
     light_subpaths: false,

@@ -82,6 +82,9 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let settings = settings.build()?;
     warnings.extend(render.without_effect(estimator));
+    if settings.splat_paths() > 0 && settings.strategies() == Strategies::Paper {
+        warnings.push("--splat-paths has no effect, because --strategies paper forms no path with t = 1".into());
+    }
     for light in scene.lights.iter().filter(|light| settings.emitters().include(&light.node)) {
         let node = &light.node;
         if light.kind.needs_light_subpaths() && !estimator.sees_beams() {

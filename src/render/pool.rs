@@ -72,6 +72,11 @@ impl LightPool {
         stats.deterministic_vertices += self.deterministic.len() as u64;
         stats.emitter_vertices += self.emitter_points.len() as u64;
         stats.scattered_vertices += self.scattered.len() as u64;
+        // Trees leave out vertices whose power is not finite. Without trees, connections to them are not finite, and count.
+        if matches!(plan.estimator.pool_order, PoolOrder::Trees | PoolOrder::ByTime) {
+            let mut vertices = self.emitter_points.iter().chain(&self.scattered);
+            stats.dropped += vertices.by_ref().filter(|(_, vertex)| !power(vertex).is_finite()).count() as u64;
+        }
         Ok(stats.timed(stage::BUILD_TREES, || match plan.estimator.pool_order {
             PoolOrder::ByPath => self.by_path(plan.light_paths),
             PoolOrder::EmitterPoints => self.emitters_only(),
@@ -300,5 +305,30 @@ impl DevicePool {
             ("tree_nodes", &self.nodes),
             ("path_offsets", &self.offsets),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimators::Estimator;
+    use crate::generate::{Kind, build};
+    use crate::render::PreparedScene;
+    use crate::settings::Settings;
+
+    #[test]
+    fn vertices_that_the_trees_leave_out_are_counted() {
+        let scene = build(Kind::CornellBox);
+        for (estimator, dropped) in [(Estimator::Lcs, 1), (Estimator::Bdpt, 0)] {
+            let settings = Settings::builder().estimator(estimator).light_paths(2).build().unwrap();
+            let plan = Plan::new(&scene, &settings, &PreparedScene::new(&scene, &settings).unwrap()).unwrap();
+            let mut pool = LightPool::default();
+            for power in [1.0, f32::INFINITY] {
+                pool.push(0, &PathVertex { throughput: [power; 3], ..Zeroable::zeroed() }, 8);
+            }
+            let mut stats = Stats::default();
+            let sorted = pool.sort(&plan, &mut stats).unwrap();
+            assert_eq!((stats.dropped, sorted.vertices.len() as u64), (dropped, 2 - dropped), "{estimator}");
+        }
     }
 }

@@ -46,6 +46,11 @@ impl Weights {
         Weights { boxes, are_sorted, others, supports, unit: space.unit }
     }
 
+    /// Number of responses.
+    fn count(&self) -> usize {
+        self.boxes.len() + self.others.len()
+    }
+
     /// Calls `visit` with the index and the weight of every response that sees light of travel time `tau`.
     fn visit(&self, tau: f32, mut visit: impl FnMut(u32, f64)) {
         // If travel times omit the ways to a wall, rounding or a field of view may put light slightly before time 0.
@@ -173,14 +178,17 @@ impl ResponseSums {
         all.par_sort_by_key(|arrival| arrival.pixel);
         let of_pixels: Vec<&[Arrival]> = all.chunk_by(|a, b| a.pixel == b.pixel).collect();
         let weights = &self.weights;
-        let sums: Vec<Vec<(u32, [f64; 3])>> =
-            of_pixels.par_iter().with_min_len(64).map(|arrivals| sums(weights, arrivals)).collect();
-        for (arrivals, sums) in of_pixels.iter().zip(sums) {
-            let pixel = arrivals[0].pixel;
-            for k in 0..3 {
-                self.total[3 * pixel as usize + k] = sums.iter().map(|(_, rgb)| rgb[k]).sum::<f64>() as f32;
+        // Many soft gates may see each arrival, so the sums of few pixels exist at a time.
+        for of_pixels in of_pixels.chunks((MAX_SUMS / self.film.responses()).max(64)) {
+            let sums: Vec<Vec<(u32, [f64; 3])>> =
+                of_pixels.par_iter().with_min_len(64).map(|arrivals| sums(weights, arrivals)).collect();
+            for (arrivals, sums) in of_pixels.iter().zip(sums) {
+                let pixel = arrivals[0].pixel;
+                for k in 0..3 {
+                    self.total[3 * pixel as usize + k] = sums.iter().map(|(_, rgb)| rgb[k]).sum::<f64>() as f32;
+                }
+                sums.into_iter().for_each(|(response, rgb)| self.film.add(pixel, response, rgb, self.samples));
             }
-            sums.into_iter().for_each(|(response, rgb)| self.film.add(pixel, response, rgb, self.samples));
         }
     }
 
@@ -203,13 +211,26 @@ impl ResponseSums {
     }
 }
 
+/// Upper bound on the number of sums, of 32 bytes each, that wait for their place in the images. At least 64 pixels wait.
+const MAX_SUMS: usize = 1 << 21;
+
 /// The light of a pixel per response, for the responses that see light.
 fn sums(weights: &Weights, arrivals: &[Arrival]) -> Vec<(u32, [f64; 3])> {
+    // At the limit, the sums so far take the places of their terms. This changes no bit: terms are added in the order of the arrivals.
+    let limit = 2 * weights.count() + 1024;
     let mut seen = vec![];
     for arrival in arrivals {
         weights
             .visit(arrival.tau, |response, weight| seen.push((response, arrival.rgb.map(|x| f64::from(x) * weight))));
+        if seen.len() > limit {
+            seen = merged(seen);
+        }
     }
+    merged(seen)
+}
+
+/// Adds up the terms of each response, in their order. Returns the sums by ascending response.
+fn merged(mut seen: Vec<(u32, [f64; 3])>) -> Vec<(u32, [f64; 3])> {
     seen.sort_by_key(|&(response, _)| response);
     seen.dedup_by(|next, sum| {
         let is_same = next.0 == sum.0;
@@ -223,13 +244,34 @@ fn sums(weights: &Weights, arrivals: &[Arrival]) -> Vec<(u32, [f64; 3])> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
-    use crate::settings::Edge;
+    use crate::scene::Scene;
     use crate::settings::units::Gate;
+    use crate::settings::{Edge, Emitters};
 
     fn gates(count: u32, width: f64, edge: Edge) -> Vec<Response> {
         let gate = |k: u32| Gate { lo: 4.0 + width * f64::from(k), hi: 4.0 + width * f64::from(k + 1) };
-        (0..count).map(|k| Response::new("a", gate(k), edge)).collect()
+        (0..count).map(|k| Response::new(k.to_string(), gate(k), edge)).collect()
+    }
+
+    #[test]
+    fn many_gates_that_see_all_light_take_little_memory() {
+        let responses = Responses::new(gates(512, 0.01, Edge::Gauss(5.0))).unwrap();
+        let space = RenderSpace::new(&Scene::default(), DVec3::ZERO, &Emitters::Scene);
+        let weights = Weights::new(&responses, &space);
+        let arrival = |i: u32| Arrival { pixel: 0, tau: 4.0 + 1e-3 * i as f32, rgb: [1.0, 0.1 * i as f32, 1e-7] };
+        let arrivals: Vec<Arrival> = (0..1000).map(arrival).collect();
+        let found = sums(&weights, &arrivals);
+        assert!(found.len() == 512 && found.capacity() < 10_000, "{} places", found.capacity());
+        for (response, sum) in found {
+            let term = |a: &Arrival| {
+                a.rgb.map(|x| f64::from(x) * responses.iter().nth(response as usize).unwrap().weight(a.tau.into()))
+            };
+            let wanted = arrivals.iter().map(term).reduce(|a, b| [0, 1, 2].map(|k| a[k] + b[k]));
+            assert_eq!(Some(sum), wanted, "response {response}");
+        }
     }
 
     #[test]

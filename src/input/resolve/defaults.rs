@@ -1,7 +1,7 @@
 //! Choice of the default estimator.
 
-use crate::estimators::{Conditions, GateWidth};
-use crate::scene::{Light, Material, Scene};
+use crate::estimators::{Conditions, Fog, GateWidth};
+use crate::scene::{DensityGrid, Light, Material, Medium, Scene};
 use crate::settings::units::Gate;
 use crate::settings::*;
 
@@ -29,7 +29,32 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
         gate: width,
         focuses_light: focuses_light(scene),
         has_beam: scene.lights.iter().any(is_beam),
+        fog: fog(scene),
     })
+}
+
+/// Fog is thick if light scatters at least this often, on average, on a way as long as the diagonal of the fog or of the scene.
+const THICK: f64 = 3.0;
+
+/// How much the media of the scene scatter. Media inside of meshes count as thin, because their size is not known here.
+fn fog(scene: &Scene) -> Fog {
+    let scatters = |medium: &Medium| medium.sigma_s.iter().any(|&sigma| sigma > 0.0);
+    let length = |medium: &Medium| {
+        let diagonal = medium.extent().map_or(f64::INFINITY, |[lo, hi]| lo.distance(hi));
+        diagonal.min(scene.diagonal())
+    };
+    let events = |medium: &Medium| {
+        let sigma = medium.sigma_s.into_iter().fold(0.0, f64::max);
+        sigma * medium.grid.as_ref().map_or(1.0, mean_density) * length(medium)
+    };
+    let of_meshes = || scene.materials.iter().filter_map(|material| material.interior.as_ref());
+    if scene.media.iter().map(events).any(|events| events >= THICK) {
+        Fog::Thick
+    } else if scene.media.iter().chain(of_meshes()).any(scatters) {
+        Fog::Thin
+    } else {
+        Fog::None
+    }
 }
 
 /// Roughness below which a glossy surface focuses light so sharply that `pt` seldom finds the light.
@@ -50,14 +75,21 @@ fn is_sharp(scene: &Scene, factor: f32, texture: Option<u32>) -> bool {
     factor < SHARP || texture.is_some_and(|texture| f64::from(factor) * mean_green(scene, texture) < SHARP.into())
 }
 
-/// About how many texels of a texture are read at most.
-const MAX_TEXELS: usize = 1 << 16;
+/// About how many texels of a texture or voxels of a grid are read at most.
+const MAX_READ: usize = 1 << 16;
+
+/// Mean over the voxels of a grid. For a large grid, it is the mean over evenly spaced voxels.
+fn mean_density(grid: &DensityGrid) -> f64 {
+    let step = (grid.density.len() / MAX_READ) | 1;
+    let read = || grid.density.iter().step_by(step);
+    read().map(|&density| f64::from(density)).sum::<f64>() / read().count().max(1) as f64
+}
 
 /// Mean of the green channel of a texture, in [0, 1]. For a large texture, it is the mean over evenly spaced texels.
 fn mean_green(scene: &Scene, texture: u32) -> f64 {
     let texels = &scene.images[scene.textures[texture as usize].image as usize].rgba;
     // An odd step does not stay in one column of an image whose width is a power of two.
-    let step = (texels.len() / MAX_TEXELS) | 1;
+    let step = (texels.len() / MAX_READ) | 1;
     let (sum, count) =
         texels.iter().step_by(step).fold((0u64, 0u64), |(sum, n), texel| (sum + u64::from(texel[1]), n + 1));
     sum as f64 / (255 * count.max(1)) as f64

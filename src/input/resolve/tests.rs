@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3};
 use super::*;
 use crate::generate::stage::diffuse;
 use crate::input::sequence::at_first_frame;
-use crate::scene::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection};
+use crate::scene::{Camera, Image, Instance, Light, LightKind, Material, Medium, Mesh, Projection};
 
 /// A scene with two cameras, a sun, a beam, an emissive lamp, and a wall that does not emit.
 fn scene() -> Scene {
@@ -328,6 +328,8 @@ fn importance_is_for_lcs() {
         assert!(of_pt.contains(&format!("--{flag} is only for")), "{of_pt}");
     }
     assert!(!warned(&format!("render = {{ estimator = 'lcs', {many} }}")).contains("is only for"));
+    let of_paper = warned(&format!("render = {{ estimator = 'lcs', strategies = 'paper', {many} }}"));
+    assert!(of_paper.contains("--splat-paths has no effect"), "{of_paper}");
     for importance in [Importance::ALL, Importance::NONE, some] {
         assert_eq!(importance.to_string().parse::<Importance>().unwrap(), importance);
     }
@@ -401,4 +403,17 @@ fn thin_gates_of_scenes_that_move_are_judged_by_the_shifted_origin() {
     // With the camera at a point of the grid, nothing is coarse.
     scene.cameras[0].transform = DAffine3::from_translation(1024.0 * DVec3::X);
     assert_eq!(resolve(&experiment, &scene).unwrap().warnings, Vec::<String>::new());
+}
+
+#[test]
+fn the_default_estimator_depends_on_the_fog() {
+    let diagonal = scene().diagonal();
+    let of = |sigma: f64, toml: &str| {
+        let media = vec![Medium { sigma_s: [0.0, sigma, 0.0], ..Medium::default() }];
+        resolve(&experiment(toml), &Scene { media, ..scene() }).unwrap().settings.estimator()
+    };
+    let steady = "emitter.emitters = 'lamp'";
+    let wide = format!("{steady}\ngate.gate = '0m..{}m'", 0.9 * diagonal);
+    assert_eq!([0.0, 2.9, 3.1].map(|x| of(x / diagonal, steady)), [Estimator::Pt, Estimator::Bdpt, Estimator::Lcs]);
+    assert_eq!([0.0, 2.9, 3.1].map(|x| of(x / diagonal, &wide)), [Estimator::Bdpt, Estimator::Bdpt, Estimator::Lcs]);
 }
