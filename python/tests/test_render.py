@@ -254,7 +254,7 @@ def test_an_interrupt_keeps_the_image_of_a_response(box, tmp_path):
 
 
 @pytest.mark.parametrize("call", ["render(box, gate='5m..6m', spp=10000)", "histogram(box, gates='4m..8m/4', spp=10000)"])
-def test_a_lost_device_leaves_the_image_so_far(call):
+def test_a_lost_device_leaves_the_image_so_far(call, tmp_path):
     code = f"""if True:
         import numpy as np, taugate
         box = taugate.load({str(SCENES / "cornell-box.glb")!r}, resolution=(8, 8), light_paths=100, max_depth=4)
@@ -266,7 +266,8 @@ def test_a_lost_device_leaves_the_image_so_far(call):
         whole = taugate.{call.replace("10000", "lost.samples")}
         assert np.array_equal(lost.pixels, whole.pixels) and lost.samples > 2, lost
     """
-    done = subprocess.run([sys.executable, "-c", code], env={**os.environ, "TAUGATE_LOST_AFTER": "150"}, capture_output=True, text=True)
+    lost_soon = {**os.environ, "TAUGATE_LOST_AFTER": "150"}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=lost_soon, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
