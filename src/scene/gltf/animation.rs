@@ -16,10 +16,12 @@ use super::document::{Document, Warnings, label};
 pub struct Playback<'a> {
     /// Seconds since the start of the animations; `None`: the nodes keep the transforms in the file.
     pub at: Option<f64>,
-    /// Name of the animation; `None` plays all of them together.
+    /// Name of the animation; `None` plays all of them together, and `none` plays none.
     pub animation: Option<&'a str>,
 }
 
+/// The name with which the nodes keep their transforms in the file, and without a warning.
+const NONE: &str = "none";
 /// A time may be outside the animations by this fraction of their length. The times of keys are rounded to f32, so the last key may
 /// be slightly before the last frame.
 const ROUNDING: f64 = 1e-6;
@@ -130,6 +132,12 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
 /// animation does not exist. Also fails if no node moves, if the time is not between 0 and the end of the animations, or if an
 /// animation is not valid. Returns [`super::Scene::moving`].
 pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<Option<BTreeSet<String>>> {
+    if is_none(doc, playback.animation) {
+        return match playback.at {
+            None => Ok(None),
+            Some(_) => Err("has no pose at a time without animations; leave out --animation none".into()),
+        };
+    }
     let Some(time) = playback.at else {
         if let Some(name) = playback.animation {
             return Err(format!("the animation '{name}' needs a time: add --at or --frames"));
@@ -166,7 +174,7 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
 /// Time in seconds of the last key of the animations, or of the animation `name`; `None` if the file has no animation that moves a
 /// node. Fails if `name` does not exist or moves no node, or if an animation is not valid.
 pub fn end(doc: &Document, name: Option<&str>) -> Checked<Option<f64>> {
-    if doc.root.animations.is_empty() && name.is_none() {
+    if is_none(doc, name) || (doc.root.animations.is_empty() && name.is_none()) {
         return Ok(None);
     }
     let Evaluated { values, end } = evaluate(doc, &chosen(doc, name)?, 0.0, &mut Warnings::default())?;
@@ -174,6 +182,11 @@ pub fn end(doc: &Document, name: Option<&str>) -> Checked<Option<f64>> {
         Some(_) if values.is_empty() => Err(nothing_moves(name)),
         _ => Ok((!values.is_empty()).then_some(end)),
     }
+}
+
+/// Whether the user wants no animation: the name is [`NONE`], and no animation has this name.
+fn is_none(doc: &Document, name: Option<&str>) -> bool {
+    name == Some(NONE) && !doc.root.animations.iter().enumerate().any(|(i, value)| label_of(i, value) == NONE)
 }
 
 /// The message, with the remedy, for animations that move no node: the animation `name`, or all of the file.
@@ -221,9 +234,9 @@ fn evaluate(
     warnings: &mut Warnings,
 ) -> Checked<Evaluated> {
     let mut evaluated = Evaluated { values: HashMap::new(), end: 0.0 };
-    let mut mover: HashMap<(usize, Property), &str> = HashMap::new();
+    let mut mover: HashMap<(usize, Property), usize> = HashMap::new();
     let mut keys = Keys { doc, numbers: 0 };
-    for (label, animation) in animations {
+    for (number, (label, animation)) in animations.iter().enumerate() {
         for channel in &animation.channels {
             let Some(property) = property(&channel.target.path) else {
                 warnings.once("animated", || {
@@ -242,9 +255,14 @@ fn evaluate(
                      re-export the file"
                 ));
             }
-            if let Some(other) = mover.insert((node, property), label) {
+            if let Some(other) = mover.insert((node, property), number) {
+                if other == number {
+                    return Err(format!("animation `{label}` moves node `{name}` twice; re-export the file"));
+                }
+                let other = &animations[other].0;
                 return Err(format!(
-                    "the animations `{other}` and `{label}` both move node `{name}`; choose one with --animation"
+                    "the animations `{other}` and `{label}` both move node `{name}`; choose one with --animation, or stop all with \
+                     --animation none"
                 ));
             }
             let sampler = animation
@@ -281,7 +299,7 @@ impl Keys<'_> {
     /// The components of all elements of an accessor.
     fn read<const N: usize>(&mut self, accessor: usize, what: &str, allowed: &[Format]) -> Checked<Vec<f32>> {
         self.numbers += N as u64 * self.doc.count(accessor, what)?;
-        let limit = MAX_NUMBERS.max(self.doc.buffer_bytes());
+        let limit = MAX_NUMBERS.max(self.doc.buffer_bytes);
         if self.numbers > limit {
             return Err(format!("the animations have more than {limit} numbers at the {what}; remove some of them"));
         }
