@@ -108,4 +108,10 @@ fn lists_that_are_too_long_are_refused_before_their_elements_take_memory() {
         assert!(outcome.contains(&format!("has more than {limit} {list}; ")), "{outcome}");
         assert!(peak < 64, "{list}: {peak} MiB");
     }
+    // Animations that are not played take no more memory than their text.
+    let nested = vec![r#"{"":0}"#; 500_000].join(",");
+    let text = format!(r#"{{"asset":{{"version":"2.0"}},"animations":[{{"a":[{nested}]}}]}}"#);
+    std::fs::write(&path, text).unwrap();
+    let (peak, outcome) = crate::peak::peak("textures::helper_peak", &path);
+    assert!(outcome == "0 images" && peak < 64, "{peak} MiB: {outcome}");
 }

@@ -5,11 +5,10 @@ use std::collections::{BTreeSet, HashMap};
 use ::gltf::json::scene::UnitQuaternion;
 use glam::{DQuat, DVec4};
 use serde::Deserialize;
-use serde_json::Value;
 
 use super::Checked;
 use super::accessor::{ANIMATED, FLOAT, Format};
-use super::document::{Document, Warnings, label};
+use super::document::{Document, Warnings};
 
 /// Which animations to play, and the time of the pose.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -186,7 +185,7 @@ pub fn end(doc: &Document, name: Option<&str>) -> Checked<Option<f64>> {
 
 /// Whether the user wants no animation: the name is [`NONE`], and no animation has this name.
 fn is_none(doc: &Document, name: Option<&str>) -> bool {
-    name == Some(NONE) && !doc.root.animations.iter().enumerate().any(|(i, value)| label_of(i, value) == NONE)
+    name == Some(NONE) && !doc.root.animation_labels().iter().any(|label| label == NONE)
 }
 
 /// The message, with the remedy, for animations that move no node: the animation `name`, or all of the file.
@@ -202,27 +201,20 @@ fn chosen(doc: &Document, name: Option<&str>) -> Checked<Vec<(String, Animation)
     if doc.root.animations.is_empty() {
         return Err("has no animations, so it has no pose at a time; render it without --at and --frames".into());
     }
+    let labels = doc.root.animation_labels();
     let mut all = vec![];
-    for (number, value) in doc.root.animations.iter().enumerate() {
-        let label = label_of(number, value);
+    for (label, json) in labels.iter().zip(&doc.root.animations) {
         if name.is_none_or(|name| name == label) {
-            let animation = serde_json::from_value(value.clone())
+            let animation = serde_json::from_str(json.get())
                 .map_err(|e| format!("animation `{label}` is not valid ({e}); re-export the file"))?;
-            all.push((label, animation));
+            all.push((label.clone(), animation));
         }
     }
     if all.is_empty() {
-        let quoted = |(number, value)| format!("'{}'", label_of(number, value));
-        let names: Vec<String> = doc.root.animations.iter().enumerate().map(quoted).collect();
-        let name = name.unwrap_or_default();
-        return Err(format!("has no animation '{name}'; choose one of {}", names.join(", ")));
+        let (name, names) = (name.unwrap_or_default(), labels.join("', '"));
+        return Err(format!("has no animation '{name}'; choose one of '{names}'"));
     }
     Ok(all)
-}
-
-/// The label of the animation with this number and JSON value.
-fn label_of(number: usize, value: &Value) -> String {
-    label(value.get("name").and_then(Value::as_str), "animation", number)
 }
 
 /// Evaluates the curves of all channels at `time`. Fails if two animations move the same property of a node. Each curve is dropped
