@@ -2,6 +2,7 @@
 
 mod iterations;
 mod outputs;
+mod print;
 mod ready;
 mod scan;
 mod sequence;
@@ -22,7 +23,7 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
-use taugate::internals::input::sequence::{Sequence, at_first_frame};
+use taugate::internals::input::sequence::Sequence;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
@@ -59,7 +60,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     };
     experiment.check_paths()?;
     if print_config {
-        return print(experiment);
+        return print::print(&experiment);
     }
     if let Some(table) = experiment.scan.clone() {
         return scan::run(&table, experiment, &mut Session::new(quiet)?);
@@ -68,21 +69,9 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let sequence = Sequence::new(&experiment, || gltf::end_of_animations(path, &allowed, playback.animation))?;
     let mut session = Session::new(quiet)?;
     match sequence {
-        Some(sequence) => sequence::run(&sequence, &mut session),
+        Some(sequence) => sequence::run(sequence, &mut session),
         None => Ok(session.render(experiment)?.code()),
     }
-}
-
-/// Prints the settings of an experiment.
-fn print(experiment: Experiment) -> anyhow::Result<ExitCode> {
-    let mut experiment = at_first_frame(&experiment);
-    let mut scene = load_scene(&experiment)?;
-    scenery::apply(&mut experiment, &mut scene)?;
-    let resolved = resolve::resolve(&experiment, &scene)?;
-    let config = resolve::as_experiment(&experiment, &resolved.settings, &scene);
-    // With absolute paths the experiment is valid in every folder.
-    super::print_toml(&config.with_absolute_paths()?.to_toml())?;
-    Ok(ExitCode::SUCCESS)
 }
 
 /// Loads the scene of an experiment, in the pose that the experiment selects.

@@ -52,14 +52,57 @@ pub fn expose(rgb: &[f32], exposure: f32) -> Vec<u8> {
 
 /// The automatic exposure: the factor that brings the 97th percentile of the lit pixels' luminance to 0.9; 1 for a black image.
 pub fn exposure(rgb: &[f32]) -> f32 {
-    let luminance = |p: &[f32]| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2];
-    let mut lit: Vec<f32> = rgb.chunks_exact(3).map(luminance).filter(|&y| y > 0.0 && y.is_finite()).collect();
+    let mut lit: Vec<f32> = lit(rgb).collect();
     if lit.is_empty() {
         return 1.0;
     }
-    let at = ((lit.len() - 1) as f64 * QUANTILE).round() as usize;
+    let at = rank(lit.len());
     let (_, &mut bright, _) = lit.select_nth_unstable_by(at, f32::total_cmp);
     (BRIGHT / bright).min(f32::MAX)
+}
+
+/// The automatic exposure of many images together, of which only one is in memory at a time. `each` calls its argument with every
+/// image. It is called twice.
+pub fn common_exposure(each: impl Fn(&mut dyn FnMut(&[f32])) -> Result<()>) -> Result<f32> {
+    // The bits of positive numbers have the order of the numbers. The first pass counts the upper halves of the bits, and the second
+    // pass counts the lower halves below the upper half of the quantile.
+    let mut upper = vec![0; 1 << 16];
+    each(&mut |rgb| lit(rgb).for_each(|y| upper[(y.to_bits() >> 16) as usize] += 1))?;
+    let count = upper.iter().sum();
+    if count == 0 {
+        return Ok(1.0);
+    }
+    let (high, rest) = bin(&upper, rank(count));
+    let mut lower = vec![0; 1 << 16];
+    each(&mut |rgb| {
+        let equal = lit(rgb).map(f32::to_bits).filter(|bits| bits >> 16 == high);
+        equal.for_each(|bits| lower[(bits & 0xffff) as usize] += 1);
+    })?;
+    let (low, _) = bin(&lower, rest);
+    Ok((BRIGHT / f32::from_bits(high << 16 | low)).min(f32::MAX))
+}
+
+/// The luminance of each pixel that is lit.
+fn lit(rgb: &[f32]) -> impl Iterator<Item = f32> {
+    let luminance = |p: &[f32]| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2];
+    rgb.chunks_exact(3).map(luminance).filter(|&y| y > 0.0 && y.is_finite())
+}
+
+/// Rank of the quantile among `count` values, from 0.
+fn rank(count: usize) -> usize {
+    ((count - 1) as f64 * QUANTILE).round() as usize
+}
+
+/// The bin that holds the value of this rank, and the rank of the value inside the bin.
+fn bin(counts: &[usize], mut rank: usize) -> (u32, usize) {
+    for (bin, &count) in counts.iter().enumerate() {
+        if rank < count {
+            return (bin as u32, rank);
+        }
+        rank -= count;
+    }
+    // Only if the images have changed between two passes.
+    (counts.len() as u32 - 1, 0)
 }
 
 /// The sRGB transfer curve of a linear value, clamped to [0, 1]; NaN gives 0.
@@ -85,6 +128,23 @@ mod tests {
     fn black_and_odd_values_are_black() {
         assert_eq!(auto(&[0.0; 6]), [0; 6]);
         assert_eq!(auto(&[f32::NAN, -1.0, 0.0]), [0; 3]);
+    }
+
+    #[test]
+    fn images_one_by_one_have_the_exposure_of_all_together() {
+        let images: Vec<Vec<f32>> = (0..7u32)
+            .map(|image| {
+                (0..300).map(|i| ((i * 37 + image * 101) % 89) as f32 * (10.0 + image as f32).exp2()).collect()
+            })
+            .collect();
+        for count in 0..=images.len() {
+            let some = &images[..count];
+            let each = |see: &mut dyn FnMut(&[f32])| {
+                some.iter().for_each(|image| see(image));
+                Ok(())
+            };
+            assert_eq!(common_exposure(each).unwrap(), exposure(&some.concat()), "{count} images");
+        }
     }
 
     #[test]

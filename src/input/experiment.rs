@@ -163,12 +163,12 @@ impl Experiment {
     }
 }
 
-/// Replaces empty file names by `None`.
+/// Removes empty file names. A setting without another name becomes `None`.
 struct WithoutEmptyNames;
 
 impl Visitor for WithoutEmptyNames {
     fn visit<T: Value>(&mut self, _: &'static Setting, slot: &mut Option<T>) {
-        slot.take_if(|value| value.paths().iter().any(|path| path.as_os_str().is_empty()));
+        *slot = slot.take().and_then(T::without_empty_names);
     }
 }
 

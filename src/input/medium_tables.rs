@@ -4,6 +4,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::settings::phase::Phase;
 use crate::settings::setting;
 use crate::settings::table::MediumTable;
 
@@ -35,6 +36,7 @@ impl MediumTables {
         if above.sigma_s.is_some() || above.sigma_a.is_some() {
             (beneath.visibility, beneath.mor, beneath.albedo) = (None, None, None);
         }
+        leave_phase_to(beneath, above);
         let list = if removes || !self.list.is_empty() { self.list } else { below.list };
         MediumTables { one: self.one.over(below.one), list }
     }
@@ -44,6 +46,27 @@ impl MediumTables {
         self.one.visit(visitor);
         self.list.iter_mut().for_each(|table| table.visit(visitor));
     }
+}
+
+/// Removes from `beneath` the phase function that `above` replaces, and parameters that the phase function of `above` does not have.
+fn leave_phase_to(beneath: &mut MediumTable, above: &MediumTable) {
+    let parameters = [above.g.is_some(), above.g2.is_some(), above.weight.is_some(), above.alpha.is_some()];
+    if parameters.contains(&true) {
+        beneath.droplet_diameter = None;
+    }
+    let phase = match (&above.phase, above.droplet_diameter) {
+        (Some(phase), _) => phase.clone(),
+        (None, Some(_)) => Phase::Draine,
+        (None, None) => return,
+    };
+    beneath.phase = None;
+    let used = phase.parameters(above.droplet_diameter.or(beneath.droplet_diameter).is_some());
+    let is_unused = |flag: &str| !used.contains(&flag);
+    beneath.g.take_if(|_| is_unused("--phase-g"));
+    beneath.g2.take_if(|_| is_unused("--phase-g2"));
+    beneath.weight.take_if(|_| is_unused("--phase-weight"));
+    beneath.alpha.take_if(|_| is_unused("--phase-alpha"));
+    beneath.droplet_diameter.take_if(|_| is_unused("--droplet-diameter"));
 }
 
 impl Serialize for MediumTables {

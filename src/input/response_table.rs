@@ -87,6 +87,7 @@ mod tests {
             ("name = 'a.b'", "must not be empty or contain a dot"),
             ("name = ' '", "spaces at its ends"),
             ("name = 'a=b'", "an equals sign"),
+            ("name = 'a/b'", "a slash"),
             ("gte = '1m..2m'", "has no key gte: choose one of name, gate, depth, shape"),
         ] {
             let error = Experiment::parse(&format!("[[response]]\n{keys}\n")).unwrap_err();

@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
+use crate::input::resolve::resolve;
+use crate::input::scenery;
+use crate::scene::Scene;
 use crate::settings::exposure::Exposure;
 use crate::settings::frames::{Frames, GateKeys};
 use crate::settings::moment::Moment;
@@ -84,10 +87,7 @@ impl Sequence {
             // The frames have no picture that could be exposed.
             experiment.output.exposure = None;
         }
-        let (frames, fps) = (frames.0, fps.unwrap_or(DEFAULT_FPS));
-        if !(1..=MAX_FPS).contains(&fps) {
-            return Err(Error::settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}")));
-        }
+        let (frames, fps) = (frames.0, checked_fps(fps)?);
         let end = end()?;
         if end.is_none() && keys.is_none() {
             return Err(Error::settings(
@@ -114,14 +114,22 @@ impl Sequence {
         self.fps
     }
 
+    /// Makes the choices of [`scenery::apply`] and chooses the default estimator, for all frames. They are those for the scene of the
+    /// first frame, which `load` loads. Returns the notes of [`scenery::apply`].
+    pub fn choose_for_all(&mut self, load: impl FnOnce(&Experiment) -> Result<Scene>) -> Result<Vec<String>> {
+        let mut first = self.frame(self.frames.start);
+        let mut scene = load(&first)?;
+        let notes = scenery::apply(&mut first, &mut scene)?;
+        let estimator = resolve(&first, &scene)?.settings.estimator();
+        (self.experiment.camera, self.experiment.emitter) = (first.camera, first.emitter);
+        self.experiment.render.estimator = Some(estimator);
+        Ok(notes)
+    }
+
     /// The experiment that renders a frame alone.
     pub fn frame(&self, number: u32) -> Experiment {
         let mut experiment = self.experiment.clone();
-        if let Some(end) = self.end {
-            let time = f64::from(number) / f64::from(self.fps);
-            // A gate may sweep longer than the nodes move: then they keep their last pose, as glTF prescribes.
-            experiment.input.at = Some(Moment(if self.keys.is_some() { time.min(end) } else { time }));
-        }
+        experiment.input.at = self.end.map(|end| moment(number, self.fps, end, self.keys.is_some()));
         if let Some(keys) = &self.keys {
             experiment.gate.gate = Some(keys.gate(number.into()));
         }
@@ -146,15 +154,36 @@ pub(super) fn is_picture(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"))
 }
 
-/// The experiment with the gate of its first frame beside its gate keys, if it has any. Defaults such as the estimator depend on
-/// this gate.
-pub fn at_first_frame(experiment: &Experiment) -> Experiment {
+/// The experiment with the time of its first frame, and with the gate of this frame beside its gate keys. Defaults such as the
+/// camera and the estimator depend on them. `end`: as in [`Sequence::new`]. Without frames, the experiment stays as it is.
+pub fn at_first_frame(experiment: &Experiment, end: Option<f64>) -> Result<Experiment> {
     let mut first = experiment.clone();
-    if let Some(keys) = &first.gate.gate_keys {
-        let number = first.output.frames.as_ref().map_or(0, |Frames(frames)| frames.start);
+    let OutputTable { frames, fps, .. } = &first.output;
+    let number = frames.as_ref().map_or(0, |Frames(frames)| frames.start);
+    let keys = &first.gate.gate_keys;
+    if frames.is_some()
+        && let Some(end) = end
+    {
+        first.input.at = Some(moment(number, checked_fps(*fps)?, end, keys.is_some()));
+    }
+    if let Some(keys) = keys {
         first.gate.gate = Some(keys.gate(number.into()));
     }
-    first
+    Ok(first)
+}
+
+/// The time of a frame. `end`: the end of the animations in seconds. A gate may sweep longer than the nodes move: then they keep
+/// their last pose, as glTF prescribes.
+fn moment(number: u32, fps: u32, end: f64, gate_moves: bool) -> Moment {
+    let time = f64::from(number) / f64::from(fps);
+    Moment(if gate_moves { time.min(end) } else { time })
+}
+
+fn checked_fps(fps: Option<u32>) -> Result<u32> {
+    match fps.unwrap_or(DEFAULT_FPS) {
+        fps if (1..=MAX_FPS).contains(&fps) => Ok(fps),
+        fps => Err(Error::settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}"))),
+    }
 }
 
 /// Fails with --checkpoint or --resume. Also fails if a restarted sequence could not tell which frames are finished, and for a shard

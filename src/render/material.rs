@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::DAffine2;
 
 use super::albedo::AlbedoTable;
-use super::media::interior_index;
+use super::media::interior_indices;
 use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_NULL};
@@ -102,6 +102,8 @@ pub struct MaterialSet<'a> {
     scene: &'a Scene,
     emitters: &'a Emitters,
     albedo: &'a AlbedoTable,
+    /// See [`interior_indices`].
+    interiors: Vec<Option<u32>>,
     /// One device material per triple (material, whether its node is a selected emitter, whether its mesh has tangents) in use.
     pub list: Vec<Material>,
     numbers: HashMap<(u32, bool, bool), u32>,
@@ -114,9 +116,18 @@ pub struct MaterialSet<'a> {
 
 impl<'a> MaterialSet<'a> {
     pub fn new(scene: &'a Scene, emitters: &'a Emitters, albedo: &'a AlbedoTable) -> Self {
-        let (list, numbers) = (vec![], Default::default());
         let [surrounding_ior, max_ior] = scene::surrounding_indices(&scene.media);
-        MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior, surrounding_ior }
+        MaterialSet {
+            scene,
+            emitters,
+            albedo,
+            interiors: interior_indices(scene),
+            list: vec![],
+            numbers: HashMap::new(),
+            features: Features::default(),
+            max_ior,
+            surrounding_ior,
+        }
     }
 
     /// Index in `list` of the material of `mesh` on `node`. The bit [`TRIANGLE_ALPHA`] says that rays may pass through the surface,
@@ -130,7 +141,7 @@ impl<'a> MaterialSet<'a> {
             None => {
                 let n = self.list.len() as u32;
                 let converted = self.convert(source, key.1, key.2);
-                let interior = interior_index(self.scene, material).unwrap_or(NONE);
+                let interior = self.interiors[material as usize].unwrap_or(NONE);
                 self.list.push(Material { interior, ..converted });
                 self.numbers.insert(key, n);
                 n

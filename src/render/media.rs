@@ -84,11 +84,10 @@ impl Media {
     }
 }
 
-/// Index in [`Media::list`] of the medium inside solids with this material.
-pub fn interior_index(scene: &Scene, material: u32) -> Option<u32> {
-    let (before, rest) = scene.materials.split_at(material as usize);
-    let number = before.iter().filter(|m| m.interior.is_some()).count();
-    rest[0].interior.is_some().then_some((scene.media.len() + number) as u32)
+/// By material: index in [`Media::list`] of the medium inside solids with this material.
+pub fn interior_indices(scene: &Scene) -> Vec<Option<u32>> {
+    let mut indices = scene.media.len() as u32..;
+    scene.materials.iter().map(|m| m.interior.as_ref().and_then(|_| indices.next())).collect()
 }
 
 /// One record per medium if a medium has a density grid, else none; and the cells and blocks of the grids.

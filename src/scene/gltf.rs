@@ -16,11 +16,13 @@ mod image;
 mod instancing;
 mod jpeg;
 mod light;
+mod lists;
 mod material;
 mod material_extension;
 mod medium;
 mod mesh;
 mod meshopt;
+mod morph;
 mod node;
 mod pose;
 mod resolve;
@@ -39,7 +41,7 @@ use super::check::is_singular;
 use super::{Instance, Scene};
 use crate::error::{Error, Result};
 pub use animation::Playback;
-use document::{Document, Warnings};
+use document::{Document, Warnings, label};
 use resolve::Folders;
 
 /// The error is one sentence that says why a file cannot be loaded; [`load`] adds the path.
@@ -126,6 +128,10 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     let mut warnings = Warnings::default();
     let mut doc = Document::open(bytes, folders)?;
     extension::check(&doc, &mut warnings)?;
+    if let Some(mesh) = doc.morphs_colors {
+        let name = label(doc.root.meshes.get(mesh).and_then(|mesh| mesh.name.as_deref()), "mesh", mesh);
+        warnings.push(format!("morph targets move no colours and no texture coordinates (first: mesh `{name}`)"));
+    }
     let moving = animation::pose(&mut doc, playback, &mut warnings)?;
     let media = medium::load(&doc)?;
 
@@ -176,7 +182,16 @@ fn place(
         }
         let name = doc.node_name(index);
         let transforms = match placement.skinned_at {
-            Some(origin) => vec![DAffine3::from_translation(origin)],
+            Some(origin) => {
+                if instancing::has_copies(node) {
+                    warnings.once("skinned copies", || {
+                        format!(
+                            "the copies of node `{name}` (EXT_mesh_gpu_instancing) are left out, because a skin places its mesh"
+                        )
+                    });
+                }
+                vec![DAffine3::from_translation(origin)]
+            }
             None => instancing::copies(doc, index, node)?.into_iter().map(|copy| world * copy).collect(),
         };
         let per_copy: u64 = range.clone().map(|mesh| meshes.meshes[mesh].triangles.len() as u64).sum();

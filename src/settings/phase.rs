@@ -23,6 +23,19 @@ pub enum Phase {
     Table(PathBuf),
 }
 
+impl Phase {
+    /// The flags of the parameters. `has_droplets`: whether the user gave a droplet diameter, which sets all parameters of `Draine`.
+    pub fn parameters(&self, has_droplets: bool) -> &'static [&'static str] {
+        match self {
+            Phase::Isotropic | Phase::Rayleigh | Phase::Table(_) => &[],
+            Phase::Hg => &["--phase-g"],
+            Phase::DoubleHg => &["--phase-g", "--phase-g2", "--phase-weight"],
+            Phase::Draine if has_droplets => &["--droplet-diameter"],
+            Phase::Draine => &["--phase-g", "--phase-g2", "--phase-weight", "--phase-alpha"],
+        }
+    }
+}
+
 const NAMES: [(&str, Phase); 5] = [
     ("isotropic", Phase::Isotropic),
     ("hg", Phase::Hg),

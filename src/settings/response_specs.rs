@@ -82,11 +82,11 @@ impl GateTable {
 
 /// Fails if `name` cannot be part of the names of channels in an image file, or of the text of a response in a flag.
 pub fn check_name(name: &str) -> Result<()> {
-    match name.is_empty() || name.contains(['.', '=']) || name.trim() != name {
+    match name.is_empty() || name.contains(['.', '=', '/', '\\']) || name.trim() != name {
         false => Ok(()),
         true => Err(Error::Settings(format!(
             "'{name}' is not a name for a response: it names the layers of an image, so it must not be empty or contain a dot, an \
-             equals sign, or spaces at its ends"
+             equals sign, a slash, or spaces at its ends"
         ))),
     }
 }
@@ -96,7 +96,8 @@ impl FromStr for ResponseSpec {
 
     fn from_str(text: &str) -> Result<ResponseSpec> {
         let wrong = || Error::Settings(format!("'{text}' is not a response; {HOW_TO_WRITE}"));
-        let (name, rest) = match text.split_once('=') {
+        // After a slash, the equals sign is part of the path of a table.
+        let (name, rest) = match text.split_once('=').filter(|(name, _)| !name.contains(['/', '\\'])) {
             Some((name, rest)) => (Some(name.trim()), rest.trim()),
             None => (None, text.trim()),
         };
@@ -211,12 +212,16 @@ mod tests {
             ("a b = trapezoid: 10m+-1m, 0.25m", "a b=trapezoid:9m..11m,0.25m"),
             ("gauss:1m..2m,1e-3m", "gauss:1m..2m,0.001m"),
             ("far=dir/laser.csv", "far=dir/laser.csv"),
+            ("far=dir/t=5/laser.csv", "far=dir/t=5/laser.csv"),
         ] {
             let spec: ResponseSpec = text.parse().unwrap();
             assert_eq!(spec.to_string(), printed);
             assert_eq!(printed.parse::<ResponseSpec>().unwrap(), spec);
         }
         let ns: ResponseSpec = "gauss:1ns".parse().unwrap();
+        let folder: ResponseSpec = "dir/t=5/laser.csv".parse().unwrap();
+        assert_eq!(folder, ResponseSpec { name: None, shape: Shape::Table("dir/t=5/laser.csv".into()) });
+        assert_eq!(folder.to_string().parse::<ResponseSpec>().unwrap(), folder);
         assert_eq!(ns.shape, Shape::Gate { edge: Edge::Gauss(0.299792458), gate: None });
     }
 

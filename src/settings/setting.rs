@@ -159,6 +159,12 @@ pub trait Value: Clone + serde::Serialize + Send + Sync + 'static {
         vec![]
     }
 
+    /// The value without empty names of files; `None` if nothing is left.
+    fn without_empty_names(mut self) -> Option<Self> {
+        let has_empty = self.paths().iter().any(|path| path.as_os_str().is_empty());
+        (!has_empty).then_some(self)
+    }
+
     /// Combines two values of a [`Form::Repeated`] flag: `self`, and `later`, which the user gave after it.
     fn and(self, later: Self) -> Self {
         later

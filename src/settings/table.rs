@@ -118,7 +118,7 @@ table! {
         /// in the file
         at: Moment, Setting::scene("at", "TIME").form(Form::Signed);
 
-        /// Name of the animation to play [default: all of them together]
+        /// Name of the animation to play, or none [default: all of them together]
         animation: String, Setting::scene("animation", "NAME");
     }
 }

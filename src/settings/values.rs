@@ -240,6 +240,11 @@ macro_rules! names {
                 self.0.iter_mut().collect()
             }
 
+            fn without_empty_names(mut self) -> Option<$type> {
+                self.0.retain(|path| !path.as_os_str().is_empty());
+                (!self.0.is_empty()).then_some(self)
+            }
+
             fn and(self, later: $type) -> $type {
                 $type([self.0, later.0].concat())
             }

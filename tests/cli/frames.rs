@@ -4,6 +4,8 @@ use std::path::Path;
 
 use taugate::internals::generate::{Kind, build, glb};
 use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::image::exr_header::read_settings;
+use taugate::internals::input::experiment::Experiment;
 use taugate::internals::scene::LightKind;
 
 use crate::{fails, folder, names, taugate};
@@ -87,13 +89,44 @@ fn a_moving_camera_and_lamp_keep_the_scene() {
     }
 }
 
+/// One box of a scene without a camera and without a lamp moves away. The diagonal of the scene grows from 2 m to 10 m.
+#[test]
+fn automatic_choices_are_those_of_the_first_frame() {
+    let here = folder();
+    let mut scene = build(Kind::CornellBox);
+    scene.cameras.clear();
+    scene.instances.retain(|instance| instance.node.ends_with("box"));
+    scene.instances[0].transform = glam::DAffine3::IDENTITY;
+    let motion = glb::Motion { node: "short box", times: vec![0.0, 1.0], positions: vec![[0.0; 3], [10.0, 0.0, 0.0]] };
+    std::fs::write(here.path().join("scene.glb"), glb::write_moving(&scene, Some(&motion))).unwrap();
+    let here = here.path();
+    let frames = ["--gate", "16m..19m", "--frames", "1..3", "--fps", "2", "-o", "f#.exr"];
+    let message = render(here, &frames);
+    assert!(message.contains("--camera auto") && message.contains("a headlamp of"), "{message}");
+    let settings = |name: &str| Experiment::parse(&read_settings(&here.join(name)).unwrap()).unwrap();
+    let [first, second] = ["f1.exr", "f2.exr"].map(settings);
+    assert_eq!([&first, &second].map(|settings| settings.input.at.map(|at| at.0)), [Some(0.5), Some(1.0)]);
+    assert!(first.camera.look_from.is_some() && first.emitter.headlamp.is_some());
+    assert_eq!((first.camera, first.emitter, first.render), (second.camera, second.emitter, second.render));
+    // The first frame is the one rendered alone.
+    render(here, &["--gate", "16m..19m", "--at", "0.5s", "-o", "alone.exr"]);
+    assert!(pixels(here, "alone.exr") == pixels(here, "f1.exr"));
+
+    // A printed sequence has the same choices, so the frames are finished.
+    let printed = taugate(here, &[&["render", "scene.glb", "--print-config"], &SMALL[..], &frames].concat());
+    std::fs::write(here.join("e.toml"), printed.stdout).unwrap();
+    let message = String::from_utf8(taugate(here, &["render", "e.toml"]).stderr).unwrap();
+    assert!(message.contains("2 of 2 frames were there already"), "{message}");
+}
+
 #[test]
 fn a_gate_that_sweeps_is_a_sequence() {
     let here = with("cornell-box");
     let keys = ["--gate-keys", "10=5m..6m", "--gate-keys", "14=7m..9m"];
     render(here.path(), &[&keys[..], &["--frames", "11..13", "-o", "g#.exr", "-o", "g#.npy"]].concat());
     assert_eq!(names(here.path()), ["g11.exr", "g11.json", "g11.npy", "g12.exr", "g12.json", "g12.npy", "scene.glb"]);
-    render(here.path(), &["--gate", "6m..7.5m", "-o", "alone.exr"]);
+    // The gate of frame 12 is so wide that another estimator is its default. All frames have the estimator of the first.
+    render(here.path(), &["--gate", "6m..7.5m", "--estimator", "lcs", "-o", "alone.exr"]);
     assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "g12.exr"));
 }
 
@@ -107,6 +140,12 @@ fn a_gate_sweeps_over_a_scene_that_stops() {
         render(here.path(), &["--at", at, "--gate", gate, "-o", "alone.exr"]);
         assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), &format!("g{frame}.exr")), "frame {frame}");
     }
+    // The car may also stay at its place in the file.
+    render(here.path(), &[&keys[..], &["--animation", "none", "--frames", "1..2", "-o", "n#.exr"]].concat());
+    render(here.path(), &["--gate", "42.5m..62.5m", "-o", "alone.exr"]);
+    assert!(pixels(here.path(), "alone.exr") != pixels(here.path(), "n1.exr"));
+    render(here.path(), &["--gate", "45m..65m", "-o", "alone.exr"]);
+    assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "n1.exr"));
 }
 
 /// The picture of a frame shows the light of all gates, whatever the file that keeps them.

@@ -157,6 +157,7 @@ fn animations_end_with_the_last_key_of_a_node() {
     add(&mut glb, "scale", "LINEAR", &[0.0, 2.5], &keys);
     assert_eq!((end(&glb, None), end(&glb, Some("translation-LINEAR"))), (Ok(Some(2.5)), Ok(Some(1.0))));
     assert!(end(&glb, Some("walk")).unwrap_err().contains("choose one of"));
+    assert_eq!(end(&glb, Some("none")), Ok(None));
     for animation in 0..2 {
         let target =
             json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": "/materials/0" } } });
@@ -228,12 +229,24 @@ fn invalid_animations_are_refused_only_if_they_are_played() {
         assert!(error.contains(part), "{part}: {error}");
         assert!(load_slice(&glb.build(), Path::new("test.glb")).is_ok(), "{part}: refused without a time");
     }
+    let repeated = changed(|json| {
+        let channels = json["animations"][0]["channels"].as_array_mut().unwrap();
+        channels.push(channels[0].clone());
+    });
+    let error = posed(&repeated, playback(0.5)).unwrap_err();
+    assert!(error.contains("animation `translation-LINEAR` moves node `node 0` twice; re-export"), "{error}");
     let error = posed(&good(), playback(1.5)).unwrap_err();
     assert!(error.contains("from 0 s to 1 s, so it has no pose at 1.5 s"), "{error}");
     let mut twice = good();
     add(&mut twice, "translation", "STEP", &[0.0, 1.0], &keys);
     let error = posed(&twice, playback(0.5)).unwrap_err();
     assert!(error.contains("choose one with --animation"), "{error}");
+    // The nodes may also keep their transforms in the file.
+    let none = Playback { animation: Some("none"), at: None };
+    let held = posed(&twice, none).unwrap();
+    assert_eq!((held.moving, held.warnings), (None, vec![]));
+    let error = posed(&twice, Playback { at: Some(0.5), ..none }).unwrap_err();
+    assert!(error.contains("leave out --animation none"), "{error}");
     let other = Playback { animation: Some("walk"), ..playback(0.5) };
     let error = posed(&twice, other).unwrap_err();
     assert!(error.contains("choose one of 'translation-LINEAR', 'translation-STEP'"), "{error}");

@@ -89,3 +89,29 @@ fn a_vertex_with_too_many_triangles_leaves_the_normal_map_out() {
     assert_eq!((material.normal_texture, material.base_color_texture), (None, Some(0)));
     assert!(scene.warnings.len() == 1 && scene.warnings[0].contains("export the tangents too (first: Tri[0])"));
 }
+
+/// Three megabytes of empty objects once took a gigabyte.
+#[cfg(target_os = "linux")]
+#[test]
+fn lists_that_are_too_long_are_refused_before_their_elements_take_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.gltf");
+    for (list, element, limit) in [
+        ("nodes", "{}", 1_000_000),
+        ("materials", "{}", 250_000),
+        ("textures", r#"{"source":0}"#, 250_000),
+        ("animations", r#"{"a":0}"#, 250_000),
+    ] {
+        let elements = vec![element; limit + 1].join(",");
+        std::fs::write(&path, format!(r#"{{"asset":{{"version":"2.0"}},"{list}":[{elements}]}}"#)).unwrap();
+        let (peak, outcome) = crate::peak::peak("textures::helper_peak", &path);
+        assert!(outcome.contains(&format!("has more than {limit} {list}; ")), "{outcome}");
+        assert!(peak < 64, "{list}: {peak} MiB");
+    }
+    // Animations that are not played take no more memory than their text.
+    let nested = vec![r#"{"":0}"#; 500_000].join(",");
+    let text = format!(r#"{{"asset":{{"version":"2.0"}},"animations":[{{"a":[{nested}]}}]}}"#);
+    std::fs::write(&path, text).unwrap();
+    let (peak, outcome) = crate::peak::peak("textures::helper_peak", &path);
+    assert!(outcome == "0 images" && peak < 64, "{peak} MiB: {outcome}");
+}

@@ -27,6 +27,15 @@ fn an_extension_that_is_left_out_says_what_is_shown_instead() {
 }
 
 #[test]
+fn the_range_of_a_lamp_is_warned_about() {
+    let mut glb = complete();
+    glb.json["extensions"]["KHR_lights_punctual"]["lights"][0]["range"] = json!(5.0);
+    glb.json["nodes"][4]["extensions"] = glb.json["nodes"][3]["extensions"].clone();
+    let warnings = read(&glb).warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("range (first: node `lamp`)"), "{warnings:?}");
+}
+
+#[test]
 fn hidden_nodes_have_no_meshes_and_no_lights() {
     let mut glb = complete();
     glb.json["nodes"][0]["extensions"] = json!({ "KHR_node_visibility": { "visible": false } });

@@ -68,6 +68,16 @@ fn nested_nodes_compose_and_share_their_mesh() {
 }
 
 /// Exporters flatten planes with a scale of 0 along their normal.
+/// Some exporters round the last row of a matrix.
+#[test]
+fn a_matrix_may_have_a_rounded_last_row() {
+    let mut glb = complete();
+    glb.json["nodes"][1]["matrix"] = json!([1, 0, 0, 1e-7, 0, 1, 0, -1e-7, 0, 0, 1, 0, 2, 0, 0, 0.9999999]);
+    assert_eq!(read(&glb).instances[0].transform.translation, DVec3::new(2.0, 0.0, 10.0));
+    glb.json["nodes"][1]["matrix"][15] = json!(0.999);
+    assert!(refusal(&glb.build()).contains("is not affine"));
+}
+
 #[test]
 fn a_flat_mesh_may_have_a_scale_of_0_along_its_normal() {
     let local = [DVec3::new(0.0, 0.0, 5.0), DVec3::new(1.0, 0.0, 5.0), DVec3::new(0.0, 1.0, 5.0)];

@@ -223,6 +223,24 @@ fn a_glossiness_texture_becomes_a_roughness_texture() {
     assert_eq!((m.roughness, green), (1.0, vec![255, 204, 128]));
     assert_eq!(of(m.specular_color_texture)[0], [188, 99, 0, 0]);
     assert!(m.base_color_texture.is_some() && scene.images.len() == 3);
+
+    // If the texture has other coordinates than the first texture, it is not read. The factor alone gives the roughness.
+    let glossy = &mut extensions(&mut glb)["KHR_materials_pbrSpecularGlossiness"];
+    glossy["specularGlossinessTexture"]["texCoord"] = json!(1);
+    glossy["glossinessFactor"] = json!(0.9);
+    let scene = read(&glb);
+    let m = &scene.materials[0];
+    assert!(m.surface_texture.is_none() && scene.warnings[0].contains("specularGlossinessTexture"));
+    assert!((m.roughness - 0.1).abs() < 1e-6, "{}", m.roughness);
+}
+
+#[test]
+fn a_broken_transform_of_a_normal_map_is_named() {
+    let mut glb = complete();
+    let transform = json!({ "KHR_texture_transform": { "offset": "left" } });
+    glb.json["materials"][0]["normalTexture"] = json!({ "index": 0, "extensions": transform });
+    let message = refusal(&glb.build());
+    assert!(message.contains("KHR_texture_transform of the normalTexture of material `Paint`"), "{message}");
 }
 
 /// Every texture of an extension is checked, and errors name it.

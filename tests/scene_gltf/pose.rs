@@ -122,6 +122,20 @@ fn morph_targets_have_the_weights_of_the_node_or_of_the_mesh() {
     assert!((normal - Vec3::new(1.0, 0.0, 2.0).normalize()).length() < 1e-6);
 }
 
+#[test]
+fn colours_and_coordinates_of_morph_targets_are_warned_about() {
+    let warnings = |targets: Value| {
+        let mut glb = complete();
+        glb.json["meshes"][0]["primitives"][0]["targets"] = targets;
+        read(&glb).warnings
+    };
+    assert_eq!(warnings(json!([{ "POSITION": 0, "NORMAL": 0, "TANGENT": 0 }, {}])), Vec::<String>::new());
+    for target in [json!({ "COLOR_0": 0 }), json!({ "POSITION": 0, "TEXCOORD_1": 3 })] {
+        let warnings = warnings(json!([{ "POSITION": 0 }, target]));
+        assert!(warnings.len() == 1 && warnings[0].contains("morph targets move no colours"), "{warnings:?}");
+    }
+}
+
 /// The complete scene, but with a skin with two joints. Node 5 is at (100, 0, 0); node 6 makes a quarter turn about Z.
 fn skinned(weights: [[f32; 4]; 3]) -> Glb {
     let mut glb = complete();
@@ -161,6 +175,18 @@ fn skinned_meshes_follow_their_joints_at_rest() {
     // Weights are divided by their sum; vertices without weights follow the first joint.
     let scene = read(&skinned([[0.0; 4], [0.0, 7.0, 0.0, 0.0], [3.0, 3.0, 0.0, 0.0]]));
     assert_near(corners(&scene, 0), want);
+}
+
+/// glTF places a skinned mesh by its joints, so copies would all lie at one place.
+#[test]
+fn copies_of_a_skinned_node_are_warned_about() {
+    let mut glb = skinned([[1.0, 0.0, 0.0, 0.0]; 3]);
+    let translation = glb.floats(&[[0.0; 3], [10.0, 0.0, 0.0]]);
+    let attributes = json!({ "attributes": { "TRANSLATION": translation } });
+    glb.json["nodes"][1]["extensions"] = json!({ "EXT_mesh_gpu_instancing": attributes });
+    let scene = read(&glb);
+    assert!(scene.warnings.len() == 1 && scene.warnings[0].contains("node `tri`"), "{:?}", scene.warnings);
+    assert!(scene.warnings[0].contains("EXT_mesh_gpu_instancing") && scene.instances.len() == 1);
 }
 
 #[test]

@@ -16,20 +16,25 @@ use taugate::internals::settings::aov::Aov;
 
 use super::outputs::check_pictures;
 use super::sums::Identity;
-use super::{Outcome, Session, check_pose};
+use super::{Interrupt, Outcome, Session, check_pose, load_scene};
 
 /// The beginning of the settings of a frame, before the fingerprint of the contents of its inputs. It is a comment in TOML.
 const INPUTS: &str = "# Inputs: ";
 
 /// Renders all frames, then writes the contact sheet and the animation.
-pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
+pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
     if let Some(first) = sequence.frames().next() {
-        check_pictures(sequence, &sequence.frame(first))?;
+        check_pictures(&sequence, &sequence.frame(first))?;
     }
     // The first frames must not be rendered if the last one is beyond the end of the animation.
     if let Some(last) = sequence.frames().next_back() {
         check_pose(&sequence.frame(last))?;
     }
+    // There is no result to keep yet.
+    session.interrupts.end_the_process_at(Interrupt::First);
+    let notes = sequence.choose_for_all(load_scene)?;
+    notes.iter().for_each(|note| session.say(format!("note: {note}")));
+    let sequence = &sequence;
     session.is_sequence = true;
     let count = sequence.own_frames().count();
     let mut kept = 0;

@@ -239,3 +239,17 @@ fn paths_are_taken_from_the_folder_of_the_file() {
     assert_eq!(read.output.output, Some(Files(vec!["/abs.exr".into()])));
     assert_eq!(read.output.png, Some(Png::File(folder.path().join("p.png"))));
 }
+
+#[test]
+fn empty_names_of_outputs_count_as_not_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("e.toml");
+    let read = |output: &str| {
+        std::fs::write(&path, format!("scene = ''\n[output]\noutput = {output}\npng = ''\nstats = ''\n")).unwrap();
+        let Experiment { scene, output, .. } = Experiment::read(&path).unwrap();
+        assert_eq!((scene, output.png, output.stats), (None, None, None));
+        output.output
+    };
+    assert_eq!(read("['', '/a.exr', '', '/a.npy']"), Some(Files(vec!["/a.exr".into(), "/a.npy".into()])));
+    assert_eq!((read("''"), read("['', '']")), (None, None));
+}

@@ -269,7 +269,7 @@ fn a_printed_experiment_has_no_crop_of_the_whole_image() {
 fn a_printed_experiment_keeps_the_moving_gate() {
     let keys = "gate = { gate-keys = [[2, '1m..2m'], [4, '5m..6m']], response = 'gauss:0.01m', force = true }";
     let typed = experiment(&format!("emitter.emitters = 'beam'\noutput.frames = '2..4'\n{keys}"));
-    let first = at_first_frame(&typed);
+    let first = at_first_frame(&typed, None).unwrap();
     let settings = resolve(&first, &scene()).unwrap().settings;
     assert_eq!(settings.responses().iter().next().unwrap().gate(), Gate { lo: 1.0, hi: 2.0 });
     let printed = as_experiment(&first, &settings, &scene());

@@ -161,6 +161,7 @@ mod tests {
 
     #[test]
     fn flags_replace_the_other_ways_to_give_a_medium() {
+        const TWO_LOBES: &str = "sigma-s = 1\nphase = 'double-hg'\ng = 0.9\ng2 = 0.1\nweight = 0.5";
         let of = |keys: &str| Experiment::parse(&format!("[medium]\n{keys}")).unwrap().medium;
         for (flags, file, merged) in [
             ("mor = '50m'", "sigma-s = 1\nsigma-a = 2\ng = 0.5", "mor = '50m'\ng = 0.5"),
@@ -170,6 +171,17 @@ mod tests {
             ("sigma-a = 3", "mor = '9m'\nalbedo = 0.9\nior = 1.3", "sigma-a = 3\nior = 1.3"),
             ("no-medium = true", "mor = '9m'\nior = 1.3", "no-medium = true"),
             ("sigma-s = 3", "no-medium = true", "sigma-s = 3"),
+            ("droplet-diameter = 15", TWO_LOBES, "sigma-s = 1\ndroplet-diameter = 15"),
+            ("phase = 'rayleigh'", TWO_LOBES, "sigma-s = 1\nphase = 'rayleigh'"),
+            ("phase = 'hg'", TWO_LOBES, "sigma-s = 1\nphase = 'hg'\ng = 0.9"),
+            ("phase = 'isotropic'", "mor = '9m'\ndroplet-diameter = 15", "mor = '9m'\nphase = 'isotropic'"),
+            (
+                "phase = 'draine'",
+                "mor = '9m'\ndroplet-diameter = 15",
+                "mor = '9m'\nphase = 'draine'\ndroplet-diameter = 15",
+            ),
+            ("g = 0.5", "mor = '9m'\ndroplet-diameter = 15", "mor = '9m'\ng = 0.5"),
+            ("g = 0.5", TWO_LOBES, "sigma-s = 1\nphase = 'double-hg'\ng = 0.5\ng2 = 0.1\nweight = 0.5"),
         ] {
             let found = of(flags).over(of(file));
             assert_eq!(found, of(merged), "{flags} over {file}");

@@ -18,13 +18,7 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
         (None, Some(_)) => Phase::Hg,
         (None, None) => Phase::Isotropic,
     });
-    let used: &[&str] = match (&phase, table.droplet_diameter) {
-        (Phase::Isotropic | Phase::Rayleigh | Phase::Table(_), _) => &[],
-        (Phase::Hg, _) => &["--phase-g"],
-        (Phase::DoubleHg, _) => &["--phase-g", "--phase-g2", "--phase-weight"],
-        (Phase::Draine, Some(_)) => &["--droplet-diameter"],
-        (Phase::Draine, None) => &["--phase-g", "--phase-g2", "--phase-weight", "--phase-alpha"],
-    };
+    let used = phase.parameters(table.droplet_diameter.is_some());
     let given = [
         ("--phase-g", table.g.is_some()),
         ("--phase-g2", table.g2.is_some()),

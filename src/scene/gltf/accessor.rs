@@ -112,7 +112,7 @@ impl Document<'_> {
             count if count > MAX_ELEMENTS => Err(format!(
                 "accessor {index} ({what}) has {count} elements; at most {MAX_ELEMENTS} are read, split the mesh"
             )),
-            count if !has_bytes && count > FREE_ZEROS + self.buffer_bytes() => {
+            count if !has_bytes && count > FREE_ZEROS + self.buffer_bytes => {
                 Err(format!("accessor {index} ({what}) has no bufferView for its {count} elements; re-export the file"))
             }
             count => Ok(count),

@@ -5,21 +5,22 @@ use std::collections::{BTreeSet, HashMap};
 use ::gltf::json::scene::UnitQuaternion;
 use glam::{DQuat, DVec4};
 use serde::Deserialize;
-use serde_json::Value;
 
 use super::Checked;
 use super::accessor::{ANIMATED, FLOAT, Format};
-use super::document::{Document, Warnings, label};
+use super::document::{Document, Warnings};
 
 /// Which animations to play, and the time of the pose.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Playback<'a> {
     /// Seconds since the start of the animations; `None`: the nodes keep the transforms in the file.
     pub at: Option<f64>,
-    /// Name of the animation; `None` plays all of them together.
+    /// Name of the animation; `None` plays all of them together, and `none` plays none.
     pub animation: Option<&'a str>,
 }
 
+/// The name with which the nodes keep their transforms in the file, and without a warning.
+const NONE: &str = "none";
 /// A time may be outside the animations by this fraction of their length. The times of keys are rounded to f32, so the last key may
 /// be slightly before the last frame.
 const ROUNDING: f64 = 1e-6;
@@ -130,6 +131,12 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
 /// animation does not exist. Also fails if no node moves, if the time is not between 0 and the end of the animations, or if an
 /// animation is not valid. Returns [`super::Scene::moving`].
 pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<Option<BTreeSet<String>>> {
+    if is_none(doc, playback.animation) {
+        return match playback.at {
+            None => Ok(None),
+            Some(_) => Err("has no pose at a time without animations; leave out --animation none".into()),
+        };
+    }
     let Some(time) = playback.at else {
         if let Some(name) = playback.animation {
             return Err(format!("the animation '{name}' needs a time: add --at or --frames"));
@@ -166,7 +173,7 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
 /// Time in seconds of the last key of the animations, or of the animation `name`; `None` if the file has no animation that moves a
 /// node. Fails if `name` does not exist or moves no node, or if an animation is not valid.
 pub fn end(doc: &Document, name: Option<&str>) -> Checked<Option<f64>> {
-    if doc.root.animations.is_empty() && name.is_none() {
+    if is_none(doc, name) || (doc.root.animations.is_empty() && name.is_none()) {
         return Ok(None);
     }
     let Evaluated { values, end } = evaluate(doc, &chosen(doc, name)?, 0.0, &mut Warnings::default())?;
@@ -174,6 +181,11 @@ pub fn end(doc: &Document, name: Option<&str>) -> Checked<Option<f64>> {
         Some(_) if values.is_empty() => Err(nothing_moves(name)),
         _ => Ok((!values.is_empty()).then_some(end)),
     }
+}
+
+/// Whether the user wants no animation: the name is [`NONE`], and no animation has this name.
+fn is_none(doc: &Document, name: Option<&str>) -> bool {
+    name == Some(NONE) && !doc.root.animation_labels().iter().any(|label| label == NONE)
 }
 
 /// The message, with the remedy, for animations that move no node: the animation `name`, or all of the file.
@@ -189,27 +201,20 @@ fn chosen(doc: &Document, name: Option<&str>) -> Checked<Vec<(String, Animation)
     if doc.root.animations.is_empty() {
         return Err("has no animations, so it has no pose at a time; render it without --at and --frames".into());
     }
+    let labels = doc.root.animation_labels();
     let mut all = vec![];
-    for (number, value) in doc.root.animations.iter().enumerate() {
-        let label = label_of(number, value);
+    for (label, json) in labels.iter().zip(&doc.root.animations) {
         if name.is_none_or(|name| name == label) {
-            let animation = serde_json::from_value(value.clone())
+            let animation = serde_json::from_str(json.get())
                 .map_err(|e| format!("animation `{label}` is not valid ({e}); re-export the file"))?;
-            all.push((label, animation));
+            all.push((label.clone(), animation));
         }
     }
     if all.is_empty() {
-        let quoted = |(number, value)| format!("'{}'", label_of(number, value));
-        let names: Vec<String> = doc.root.animations.iter().enumerate().map(quoted).collect();
-        let name = name.unwrap_or_default();
-        return Err(format!("has no animation '{name}'; choose one of {}", names.join(", ")));
+        let (name, names) = (name.unwrap_or_default(), labels.join("', '"));
+        return Err(format!("has no animation '{name}'; choose one of '{names}'"));
     }
     Ok(all)
-}
-
-/// The label of the animation with this number and JSON value.
-fn label_of(number: usize, value: &Value) -> String {
-    label(value.get("name").and_then(Value::as_str), "animation", number)
 }
 
 /// Evaluates the curves of all channels at `time`. Fails if two animations move the same property of a node. Each curve is dropped
@@ -221,9 +226,9 @@ fn evaluate(
     warnings: &mut Warnings,
 ) -> Checked<Evaluated> {
     let mut evaluated = Evaluated { values: HashMap::new(), end: 0.0 };
-    let mut mover: HashMap<(usize, Property), &str> = HashMap::new();
+    let mut mover: HashMap<(usize, Property), usize> = HashMap::new();
     let mut keys = Keys { doc, numbers: 0 };
-    for (label, animation) in animations {
+    for (number, (label, animation)) in animations.iter().enumerate() {
         for channel in &animation.channels {
             let Some(property) = property(&channel.target.path) else {
                 warnings.once("animated", || {
@@ -242,9 +247,14 @@ fn evaluate(
                      re-export the file"
                 ));
             }
-            if let Some(other) = mover.insert((node, property), label) {
+            if let Some(other) = mover.insert((node, property), number) {
+                if other == number {
+                    return Err(format!("animation `{label}` moves node `{name}` twice; re-export the file"));
+                }
+                let other = &animations[other].0;
                 return Err(format!(
-                    "the animations `{other}` and `{label}` both move node `{name}`; choose one with --animation"
+                    "the animations `{other}` and `{label}` both move node `{name}`; choose one with --animation, or stop all with \
+                     --animation none"
                 ));
             }
             let sampler = animation
@@ -281,7 +291,7 @@ impl Keys<'_> {
     /// The components of all elements of an accessor.
     fn read<const N: usize>(&mut self, accessor: usize, what: &str, allowed: &[Format]) -> Checked<Vec<f32>> {
         self.numbers += N as u64 * self.doc.count(accessor, what)?;
-        let limit = MAX_NUMBERS.max(self.doc.buffer_bytes());
+        let limit = MAX_NUMBERS.max(self.doc.buffer_bytes);
         if self.numbers > limit {
             return Err(format!("the animations have more than {limit} numbers at the {what}; remove some of them"));
         }

@@ -7,19 +7,21 @@ use super::compressed::{self, Compressed};
 use super::draco::DracoMeshes;
 use super::resolve::Folders;
 use super::root::Root;
-use super::{Checked, resolve};
+use super::{Checked, lists, morph, resolve};
 use crate::printable::is_command;
-
-pub const MAX_NODES: usize = 1_000_000;
 
 /// A glTF file with its buffers in memory. Nothing in `root` is trusted: callers use `get` for look-ups and checked arithmetic.
 pub struct Document<'a> {
     pub root: Root,
     /// `None` for a buffer without data of its own.
     buffers: Vec<Option<Cow<'a, [u8]>>>,
+    /// Number of bytes of all buffers together.
+    pub buffer_bytes: u64,
     /// By buffer view.
     compressed: HashMap<usize, Compressed>,
     pub draco: DracoMeshes,
+    /// Index of the first mesh with a morph target that moves colours or texture coordinates, which is not read.
+    pub morphs_colors: Option<usize>,
 }
 
 /// The bytes of a buffer view; they lie inside their buffer.
@@ -31,6 +33,7 @@ pub struct View<'a> {
 impl<'a> Document<'a> {
     pub fn open(bytes: &'a [u8], folders: Folders) -> Checked<Self> {
         let (json, bin) = resolve::split_container(bytes)?;
+        lists::check(json)?;
         let root: Root = serde_json::from_slice(json).map_err(|e| {
             // The JSON of glTF 1.0 has another structure, so the parser fails before the version can be checked.
             if is_gltf_1(json) {
@@ -45,13 +48,14 @@ impl<'a> Document<'a> {
             let version = printable(asset.min_version.as_ref().unwrap_or(&asset.version), 20);
             return Err(format!("is glTF version {version}; re-export it as glTF 2.0"));
         }
-        if root.nodes.len() > MAX_NODES {
-            return Err(format!("has more than {MAX_NODES} nodes; merge meshes before exporting"));
-        }
         let buffers = resolve::buffers(&root, bin, folders)?;
+        let buffer_bytes = buffers.iter().flatten().map(|buffer| buffer.len() as u64).sum();
         let compressed = compressed::views(&root)?;
         let draco = DracoMeshes::find(&root)?;
-        Ok(Self { root, buffers, compressed, draco })
+        let has_targets =
+            root.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|primitive| primitive.targets.is_some());
+        let morphs_colors = if has_targets { morph::first_with_colors(json) } else { None };
+        Ok(Self { root, buffers, buffer_bytes, compressed, draco, morphs_colors })
     }
 
     /// The bytes of buffer view `index`; `what` names the object that refers to it in messages.
@@ -80,11 +84,6 @@ impl<'a> Document<'a> {
         (start.checked_add(length))
             .and_then(|end| buffer.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?))
             .ok_or_else(|| format!("{name} reaches beyond the end of buffer {number}; re-export the file"))
-    }
-
-    /// Number of bytes of all buffers together.
-    pub fn buffer_bytes(&self) -> u64 {
-        self.buffers.iter().flatten().map(|buffer| buffer.len() as u64).sum()
     }
 
     /// The node's name; `node 17` if node 17 has no name.

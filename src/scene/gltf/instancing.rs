@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use ::gltf::json::Node;
 use glam::DAffine3;
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::Checked;
 use super::accessor::{DIRECTION, FLOAT};
@@ -21,10 +22,18 @@ struct Source {
     attributes: BTreeMap<String, usize>,
 }
 
+fn object(node: &Node) -> Option<&Value> {
+    node.extensions.as_ref().and_then(|extensions| extensions.others.get(EXTENSION))
+}
+
+/// Whether the node has the extension.
+pub fn has_copies(node: &Node) -> bool {
+    object(node).is_some()
+}
+
 /// Transforms from mesh space to the node's space, one per copy; only the identity if the node does not have the extension.
 pub fn copies(doc: &Document, index: usize, node: &Node) -> Checked<Vec<DAffine3>> {
-    let object = node.extensions.as_ref().and_then(|extensions| extensions.others.get(EXTENSION));
-    let Some(object) = object else { return Ok(vec![DAffine3::IDENTITY]) };
+    let Some(object) = object(node) else { return Ok(vec![DAffine3::IDENTITY]) };
     let name = doc.node_name(index);
     let source = Source::deserialize(object)
         .map_err(|e| format!("the instances of node `{name}` cannot be read ({e}); re-export the file"))?;

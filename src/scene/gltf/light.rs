@@ -38,6 +38,9 @@ pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked
                     )
                 });
             }
+            if light.range.is_some() {
+                warnings.once("range", || format!("lamps also shine beyond their range (first: node `{name}`)"));
+            }
             lights.push(place(punctual(light, &name)?, &world, &name)?);
         }
         if let Some(extras) = &node.extras

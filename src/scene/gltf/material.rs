@@ -201,7 +201,7 @@ impl Materials {
             used(&pbr.base_color_texture, "baseColorTexture")?,
             of(brightest(emission), &source.emissive_texture, "emissiveTexture")?,
             used(&pbr.metallic_roughness_texture, "metallicRoughnessTexture")?,
-            used(&source.normal_texture.as_ref().map(as_info), "normalTexture")?,
+            used(&source.normal_texture.as_ref().map(|map| as_info(map, &name)).transpose()?, "normalTexture")?,
             of(reflected, &specular.specular_texture, "specularTexture")?,
             of(reflected * brightest(specular_color), &specular.specular_color_texture, "specularColorTexture")?,
             of(coated, &clearcoat.clearcoat_texture, "clearcoatTexture")?,
@@ -215,13 +215,17 @@ impl Materials {
             }
             [uses[0], uses[2], uses[5]] = glossy.textures(glossiness, &specular_color, &name)?;
             metallic = 0.0;
-            roughness = if uses[2].is_some() { 1.0 } else { 1.0 - glossiness };
+            roughness = 1.0 - glossiness;
             specular_color = SpecularGlossiness::specular_color(specular_color);
             ior = SpecularGlossiness::IOR;
         }
         let (textures, uv_mapping) = add_all(uses, 3, &name, doc, &mut self.textures, warnings)?;
         self.uv_mappings.push(uv_mapping);
         let [base_color_texture, emission_texture, surface_texture, normal_texture, ..] = textures;
+        if glossy.is_some() && surface_texture.is_some() {
+            // The texture contains the factor.
+            roughness = 1.0;
+        }
         let [.., specular_texture, specular_color_texture, clearcoat_texture, _, _] = textures;
         let [.., clearcoat_roughness_texture, transmission_texture] = textures;
         Ok(Material {

@@ -2,10 +2,13 @@
 
 use ::gltf::json::Node;
 use ::gltf::json::scene::UnitQuaternion;
-use glam::{DAffine3, DMat3, DMat4, DQuat, Vec3};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec4, Vec3};
 
 use super::Checked;
 use super::document::Document;
+
+/// The last row of a matrix may differ from 0, 0, 0, 1 by this number, because exporters round it.
+const ROUNDING: f64 = 1e-5;
 
 /// The nodes of the scene, by node index; `None` for nodes that are not in the scene.
 pub struct Worlds(Vec<Option<Placed>>);
@@ -99,7 +102,7 @@ fn is_hidden(node: &Node) -> bool {
 fn local(node: &Node, name: impl Fn() -> String) -> Checked<DAffine3> {
     if let Some(matrix) = node.matrix {
         let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
-        if matrix.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+        if !matrix.row(3).abs_diff_eq(DVec4::W, ROUNDING) {
             return Err(format!("the matrix of node `{}` is not affine; re-export the file", name()));
         }
         return Ok(DAffine3::from_mat4(matrix));

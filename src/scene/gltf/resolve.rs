@@ -9,10 +9,10 @@ use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
-use super::Checked;
 use super::compressed::is_fallback;
 use super::document::printable;
 use super::root::Root;
+use super::{Checked, lists};
 
 /// Maximum size of a file or a buffer in bytes.
 pub const MAX_BYTES: u64 = 1 << 30;
@@ -119,8 +119,8 @@ pub fn external_paths(bytes: &[u8], folders: Folders) -> Vec<PathBuf> {
 }
 
 fn external_uris(bytes: &[u8]) -> Vec<String> {
-    let root = split_container(bytes).ok().and_then(|(json, _)| serde_json::from_slice::<Root>(json).ok());
-    let Some(root) = root else { return vec![] };
+    let json = split_container(bytes).ok().map(|(json, _)| json).filter(|json| lists::check(json).is_ok());
+    let Some(root) = json.and_then(|json| serde_json::from_slice::<Root>(json).ok()) else { return vec![] };
     let buffers = root.buffers.into_iter().filter_map(|buffer| buffer.uri);
     let images = root.images.into_iter().filter_map(|image| image.uri);
     buffers.chain(images).filter(|uri| !is_data(uri)).collect()

@@ -7,6 +7,9 @@ use ::gltf::json::{
     Accessor, Asset, Buffer, Camera, Extras, Image, Index, Material, Mesh, Node, Skin, Texture, buffer::View,
 };
 use serde::Deserialize;
+use serde_json::value::RawValue;
+
+use super::document::label;
 
 /// The lists that taugate reads, with the elements of the `gltf` crate. The crate's own `Root` also parses parts that taugate
 /// does not read, so it refuses some valid files: animations that target pointers, and scenes without nodes.
@@ -40,8 +43,9 @@ pub struct Root {
     pub buffer_views: Vec<View>,
     #[serde(default)]
     pub buffers: Vec<Buffer>,
+    /// Only played animations are parsed: as [`serde_json::Value`] they would take up to 90 times the memory of their text.
     #[serde(default)]
-    pub animations: Vec<serde_json::Value>,
+    pub animations: Vec<Box<RawValue>>,
     #[serde(default)]
     pub extensions: Option<Extensions>,
     #[serde(default)]
@@ -64,5 +68,16 @@ impl Root {
     pub fn lights(&self) -> &[Light] {
         let extension = self.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
         extension.map_or(&[], |extension| &extension.lights)
+    }
+
+    /// The labels of the animations, in the order of the file.
+    pub fn animation_labels(&self) -> Vec<String> {
+        #[derive(Deserialize)]
+        struct Named {
+            name: String,
+        }
+        let name = |json: &RawValue| Some(serde_json::from_str::<Named>(json.get()).ok()?.name);
+        let animations = self.animations.iter().enumerate();
+        animations.map(|(number, json)| label(name(json).as_deref(), "animation", number)).collect()
     }
 }

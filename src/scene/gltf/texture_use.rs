@@ -41,14 +41,17 @@ impl TextureUse {
     }
 }
 
-/// The reference to a normal map, without its scale.
-pub fn as_info(normal: &NormalTexture) -> Info {
-    let extensions = normal.extensions.as_ref().map(|ext| TextureExtensions {
-        texture_transform: (ext.others.get("KHR_texture_transform"))
-            .and_then(|transform| serde_json::from_value(transform.clone()).ok()),
-        ..TextureExtensions::default()
-    });
-    Info { index: normal.index, tex_coord: normal.tex_coord, extensions, extras: Default::default() }
+/// The reference of `material` to its normal map, without the scale.
+pub fn as_info(normal: &NormalTexture, material: &str) -> Checked<Info> {
+    let transform = normal.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
+    let transform = transform.map(|transform| serde_json::from_value(transform.clone())).transpose().map_err(|e| {
+        format!(
+            "the KHR_texture_transform of the normalTexture of material `{material}` is invalid: {e}; correct it and re-export"
+        )
+    })?;
+    let extensions = TextureExtensions { texture_transform: transform, ..TextureExtensions::default() };
+    let (index, tex_coord) = (normal.index, normal.tex_coord);
+    Ok(Info { index, tex_coord, extensions: Some(extensions), extras: Default::default() })
 }
 
 /// Adds the textures of material `name`; returns their indices into `textures.list`, and the coordinates that its meshes need.

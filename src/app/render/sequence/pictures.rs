@@ -1,4 +1,5 @@
-//! Pictures of all frames of a sequence: side by side, and as an animation. All frames have one exposure.
+//! Pictures of all frames of a sequence: side by side, and as an animation. All frames have one exposure. Only one frame at a time
+//! is in memory, because a sequence may be much larger than the memory.
 
 use std::io;
 
@@ -32,10 +33,14 @@ pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
         return Ok(());
     }
     let outputs: Vec<Outputs> = sequence.frames().map(|frame| files(sequence, frame)).collect::<Result<_>>()?;
-    let frames: Vec<Linear> = outputs.iter().map(read).collect::<Result<_>>()?;
-    let exposure = factor(sequence.exposure, frames.iter().flat_map(|frame| &frame.rgb));
+    let exposure = match sequence.exposure {
+        Exposure::Stops(stops) => stops.exp2() as f32,
+        Exposure::Auto => png_file::common_exposure(|see| {
+            outputs.iter().try_for_each(|frame| read(frame).map(|frame| see(&frame.rgb)))
+        })?,
+    };
     if let Some(path) = &sequence.contact_sheet {
-        let (width, height, rgb) = sheet(&frames);
+        let (width, height, rgb) = sheet(&outputs)?;
         png_file::write(path, width as u32, height as u32, &rgb, exposure)?;
         session.progress.line(&path.display().to_string());
     }
@@ -43,7 +48,8 @@ pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
         write_atomically(path, |writer| {
             let mut encoder = GifEncoder::new_with_speed(writer, 10);
             encoder.set_repeat(Repeat::Infinite).map_err(io::Error::other)?;
-            for (number, frame) in frames.iter().enumerate() {
+            for (number, outputs) in outputs.iter().enumerate() {
+                let frame = read(outputs).map_err(io::Error::other)?;
                 let delay = Delay::from_numer_denom_ms(10 * hundredths(number, sequence.fps()), 1);
                 let bytes = png_file::expose(&frame.rgb, exposure);
                 let picture = RgbImage::from_raw(frame.width as u32, frame.height as u32, bytes);
@@ -62,15 +68,11 @@ pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
 pub fn rewrite(outputs: &Outputs) -> Result<()> {
     let Some(path) = &outputs.png else { return Ok(()) };
     let Linear { width, height, rgb } = read(outputs)?;
-    png_file::write(path, width as u32, height as u32, &rgb, factor(outputs.exposure, &rgb))
-}
-
-/// The factor by which pictures multiply the linear values `rgb`.
-fn factor<'a>(exposure: Exposure, rgb: impl IntoIterator<Item = &'a f32>) -> f32 {
-    match exposure {
+    let exposure = match outputs.exposure {
         Exposure::Stops(stops) => stops.exp2() as f32,
-        Exposure::Auto => png_file::exposure(&rgb.into_iter().copied().collect::<Vec<f32>>()),
-    }
+        Exposure::Auto => png_file::exposure(&rgb),
+    };
+    png_file::write(path, width as u32, height as u32, &rgb, exposure)
 }
 
 /// How long an animation shows the frame with this number, counted from 0: whole hundredths of a second, as GIF files have them. The
@@ -96,14 +98,15 @@ fn read(outputs: &Outputs) -> Result<Linear> {
 }
 
 /// All frames in rows: width, height and colours.
-fn sheet(frames: &[Linear]) -> (usize, usize, Vec<f32>) {
-    let columns = columns(frames.len());
-    let rows = frames.len().div_ceil(columns);
-    let [width, height] = [frames[0].width, frames[0].height];
+fn sheet(outputs: &[Outputs]) -> Result<(usize, usize, Vec<f32>)> {
+    let columns = columns(outputs.len());
+    let rows = outputs.len().div_ceil(columns);
+    let Linear { width, height, .. } = read(&outputs[0])?;
     let factor = (columns * width).max(rows * height).div_ceil(MAX_SIDE);
     let [width, height] = [(width / factor).max(1), (height / factor).max(1)];
     let mut sheet = vec![0.0; 3 * columns * width * rows * height];
-    for (number, frame) in frames.iter().enumerate() {
+    for (number, outputs) in outputs.iter().enumerate() {
+        let frame = read(outputs)?;
         let [left, top] = [number % columns * width, number / columns * height];
         for y in 0..height {
             for x in 0..width {
@@ -112,7 +115,7 @@ fn sheet(frames: &[Linear]) -> (usize, usize, Vec<f32>) {
             }
         }
     }
-    (columns * width, rows * height, sheet)
+    Ok((columns * width, rows * height, sheet))
 }
 
 /// Number of frames per row: the smallest from sqrt(count) to 2 sqrt(count) with which all rows are full. Without one, sqrt(count),
