@@ -72,7 +72,7 @@ fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
             continue;
         }
         let v = load_light_vertex(drawn.vertex);
-        let search = make_search(v.position, q.position, detour_length(q, v, tau));
+        let search = make_search(v.position, q.position, length_over_auxiliary(q, v, tau));
         let x = draw_on_ellipsoid(search, focus_at(v), to_q, &rng);
         if (x.triangle == NONE) {
             continue;

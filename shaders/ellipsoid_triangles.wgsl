@@ -29,7 +29,7 @@ fn ellipsoid_triangles(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = load_shade_point(shade_list[slot / frame.slots]);
     let v = load_light_vertex(vertex & ~ELLIPSOIDAL);
     let sensor = sensor_sample(q.owner);
-    let search = make_search(v.position, q.position, detour_length(q, v, drawn_travel_time(sensor)));
+    let search = make_search(v.position, q.position, length_over_auxiliary(q, v, drawn_travel_time(sensor)));
     var choice = TriangleChoice(NONE, 0u);
     if (dispatch.first > 0u) {
         choice = choices[rank];

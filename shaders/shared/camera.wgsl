@@ -30,7 +30,7 @@ struct SensorSegment {
 // with row 0 at the top.
 fn camera_ray(pixel: vec2<u32>, u: vec2<f32>) -> CameraRay {
     if (HAS_AIMS) {
-        // The sum of both may round up to the next pixel, which looks elsewhere.
+        // `pixel` and `u` are not added as below: the sum can round up to the next pixel, which has another direction.
         let axis = load_aim(pixel).xyz;
         let offset = (2.0 * u - 1.0) * frame.extent;
         return CameraRay(frame.sensor, frame_around(axis) * vec3<f32>(offset, 1.0));

@@ -20,8 +20,8 @@ fn drawn_travel_time(sensor: SensorSample) -> f32 {
     return travel_time_at(f32(word >> 8u) * (1.0 / 16777216.0));
 }
 
-// Total length of the two segments of an ellipsoidal connection. The straight distance is not subtracted.
-fn detour_length(q: PathVertex, v: PathVertex, tau: f32) -> f32 {
+// Length from v over the auxiliary vertex to q: both segments of an ellipsoidal connection.
+fn length_over_auxiliary(q: PathVertex, v: PathVertex, tau: f32) -> f32 {
     return (tau - v.tau - q.tau) / SURROUNDING_GROUP_INDEX;
 }
 
@@ -29,6 +29,6 @@ fn detour_length(q: PathVertex, v: PathVertex, tau: f32) -> f32 {
 // least the length of the gate. Then the straight connection is too short for the gate.
 fn can_connect_over_surface(q: PathVertex, v: PathVertex, tau: f32) -> bool {
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 2u;
-    let detour = detour_length(q, v, tau) - distance(q.position, v.position);
+    let detour = length_over_auxiliary(q, v, tau) - distance(q.position, v.position);
     return segments <= frame.max_depth && detour >= frame.min_detour && !is_sun(v);
 }

@@ -12,8 +12,11 @@ struct Focus {
 
 // Minimum of the cosine factor of a focus, because the box of a node says little about the directions from the focus to its surfaces.
 const MIN_FOCUS_COSINE: f32 = 0.1;
-// EVEN_SHARE / 8 of the importance of all children is added to the importance of each child that the ellipsoid may meet. The
-// importance is an estimate, and its errors multiply from level to level.
+// Minimum of a positive cosine when a point is chosen by its estimated contribution. At grazing angles, glossy surfaces reflect more
+// than this estimate, which assumes diffuse vertices. Without the minimum, such points would be rare and bright.
+const MIN_POINT_COSINE: f32 = 0.05;
+// Each child that the ellipsoid may meet also gets EVEN_SHARE / 8 of the sum of all importances. The importance is an estimate, and
+// its errors multiply from level to level.
 const EVEN_SHARE: f32 = 0.1;
 
 fn focus_at(v: PathVertex) -> Focus {
@@ -21,8 +24,8 @@ fn focus_at(v: PathVertex) -> Focus {
 }
 
 // Importance of four children of a node. It estimates the light that v sends to q over the surfaces in the box, with the travel time of
-// the ellipsoid. 0 if the ellipsoid does not meet the box, or the box lies behind a focus. x, y, z: bytes of the four lower and of the
-// four upper planes of each axis.
+// the ellipsoid. 0 if the ellipsoid does not meet the box, or the box lies behind a focus. A plane lies at byte * `scale` + `origin`.
+// `x.x`: bytes of the four lower planes; `x.y`: of the four upper ones. `y`, `z`: the same for the other axes.
 fn ellipsoid_importance(
     x: vec2<u32>, y: vec2<u32>, z: vec2<u32>, origin: vec3<f32>, scale: vec3<f32>, s: EllipsoidSearch, v: Focus, q: Focus,
 ) -> vec4<f32> {
@@ -118,11 +121,11 @@ fn contribution_estimate(position: vec3<f32>, normal: vec3<f32>, v: Focus, q: Fo
     return cosines / (square(r1 * r2) * inverse_stretch(normal, w1, r1, w2, r2));
 }
 
-// Cosine at a focus of light to or from the point, at least 0.05 if it is positive; 1 for a focus without normal. `w`: unit direction
-// from the point to the focus.
+// Cosine at a focus of light to or from the point, at least MIN_POINT_COSINE if it is positive; 1 for a focus without normal. `w`: unit
+// direction from the point to the focus.
 fn focus_cosine(f: Focus, w: vec3<f32>) -> f32 {
     let cosine = -dot(f.normal, w);
-    return select(select(0.0, max(cosine, 0.05), cosine > 0.0), 1.0, all(f.normal == vec3<f32>(0.0)));
+    return select(select(0.0, max(cosine, MIN_POINT_COSINE), cosine > 0.0), 1.0, all(f.normal == vec3<f32>(0.0)));
 }
 
 // A few triangles, chosen by a descent.
@@ -165,7 +168,7 @@ fn descend_bvh(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) 
     return group;
 }
 
-// Draws a point of the ellipsoid of `s` with the foci v and q.
+// Draws a point of the ellipsoid of `s` with the foci v and q. If none is found, `triangle` is NONE and `inverse_density` is undefined.
 fn draw_on_ellipsoid(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) -> EllipsoidPoint {
     var point = EllipsoidPoint(NONE, vec2<f32>(0.0), 0.0);
     // Chooses one of several points by an estimate of their contribution.

@@ -18,7 +18,7 @@ fn draw_on_triangle(q: PathVertex, v: PathVertex, tau: f32, choice: TriangleChoi
         return EllipsoidPoint(NONE, vec2<f32>(0.0), 0.0);
     }
     let t = load_triangle(choice.triangle);
-    let arcs = arcs_in_triangle(make_ellipsoid(v.position, q.position, detour_length(q, v, tau)), t.v0, t.v1, t.v2);
+    let arcs = arcs_in_triangle(make_ellipsoid(v.position, q.position, length_over_auxiliary(q, v, tau)), t.v0, t.v1, t.v2);
     return EllipsoidPoint(select(NONE, choice.triangle, arcs.length > 0.0), point_on_arcs(arcs, u), f32(choice.count) * arcs.length);
 }
 

@@ -71,11 +71,11 @@ fn emitter_profile(v: PathVertex, w: vec3<f32>) -> vec2<f32> {
         }
         case EMIT_SPOT: {
             let off = cap_height(v.to_previous, w);
-            let outer = bitcast<f32>(v.base_color.x);
-            return vec2<f32>(spot_falloff(off, outer, bitcast<f32>(v.base_color.y)), select(0.0, 1.0 / (2.0 * PI * outer), off < outer));
+            let outer = bitcast<f32>(v.point_words.x);
+            return vec2<f32>(spot_falloff(off, outer, bitcast<f32>(v.point_words.y)), select(0.0, 1.0 / (2.0 * PI * outer), off < outer));
         }
         case EMIT_SUN: {
-            return vec2<f32>(1.0, bitcast<f32>(v.base_color.y));
+            return vec2<f32>(1.0, bitcast<f32>(v.point_words.y));
         }
         // An unknown profile sends no light.
         default: {

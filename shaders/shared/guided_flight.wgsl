@@ -39,7 +39,7 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     let scattered = dot(shares, one_minus_exp(whole.scattering));
     let transmitted = dot(shares, exp(-whole.scattering));
     // If light from the end of the ray is too late, every flight ends in an event.
-    let reaches = select(0.0, end_share(transmitted), last >= limit);
+    let reaches = select(0.0, end_probability_of(transmitted), last >= limit);
     let end_probability = select(reaches, 1.0, scattered <= 0.0);
     if (u.x < end_probability) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);

@@ -79,7 +79,8 @@ var<private> uses_mean_densities: bool = false;
 // Maximum optical depth that a mean density gives to a part of a ray, because the grid may have holes.
 const MAX_MEAN_DEPTH: f32 = 16.0;
 
-// As `pass_grid`, for medium `index`, which may have no grid.
+// Passes medium `index` from t = `first` to `last`, or until the integral of the density is `needed`. A medium without a grid has
+// density 1. With `uses_mean_densities`, `needed` has no effect on grids.
 fn pass_medium(index: u32, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, needed: f32) -> Passage {
     if (HAS_GRIDS) {
         let g = load_grid(index);
@@ -194,7 +195,8 @@ fn minus_log_rest(x: f32) -> f32 {
     return select(-log(1.0 - x), x * (1.0 + x * (0.5 + x * (1.0 / 3.0))), x < 0.01);
 }
 
-// event * exp(-depth), divided by its mean over the channels. `shares`: weights of the channels in this mean.
+// event * exp(-depth), divided by its mean over the channels. `event`: sigma_s at an event, 1 at the end of a ray. `shares`: weights
+// of the channels in this mean.
 fn normalised(depth: vec3<f32>, event: vec3<f32>, shares: vec3<f32>) -> vec3<f32> {
     // Relative to the clearest channel, so that the exponentials of a thick medium do not all underflow.
     let clearest = min(depth.x, min(depth.y, depth.z));
@@ -217,19 +219,19 @@ struct Flight {
 // Probability p with which a sensor subpath reaches the end of a segment of transmittance T. On the first segment, p = sqrt(T): both
 // outcomes then have small weights, T / p and (1 - T) / (1 - p) <= 2, and surfaces behind fog get more samples. On later segments
 // p = T, because the weights of many events would multiply to a few bright paths.
-fn end_share(transmitted: f32) -> f32 {
+fn end_probability_of(transmitted: f32) -> f32 {
     return select(transmitted, sqrt(transmitted), dispatch.bounce == 0u);
 }
 
 // Samples a flight along o + t d for 0 < t < limit. `throughput`: throughput of the subpath so far. One channel is chosen with a
 // probability in proportion to its throughput, and the distance is drawn for this channel. The density is the sum over all channels,
-// so that no channel gets a large weight. `to_light`: true for sensor subpaths, which use `end_share`.
-fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to_light: bool, u: vec2<f32>) -> Flight {
+// so that no channel gets a large weight. Sensor subpaths reach the end with `end_probability_of`.
+fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, is_sensor_subpath: bool, u: vec2<f32>) -> Flight {
     let whole = optical_depths(o, d, limit);
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
     let scattered = dot(shares, one_minus_exp(whole.scattering));
     let transmitted = dot(shares, exp(-whole.scattering));
-    let end_probability = select(select(transmitted, end_share(transmitted), to_light), 1.0, scattered <= 0.0);
+    let end_probability = select(select(transmitted, end_probability_of(transmitted), is_sensor_subpath), 1.0, scattered <= 0.0);
     if (u.x < end_probability) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
         return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
@@ -241,8 +243,9 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
     return f;
 }
 
-// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. The weight assumes the
-// density of a flight that may also pass all media without an event; callers correct it.
+// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. `weight` is divided by the
+// density of an event among all outcomes, including flights without an event. So `free_flight` multiplies it by P(event), its
+// `scattered`, over its own probability of an event. `guided_flight` computes a weight of its own.
 fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, whole: Depths, u: vec2<f32>) -> Flight {
     // The channel that chooses the optical depth of the event.
     let events = shares * one_minus_exp(whole.scattering);
@@ -280,7 +283,8 @@ fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, wh
     return f;
 }
 
-// Distances along o + t d, t >= 0, between which all media lie. Empty (x > y) if the ray meets none.
+// Distances along o + t d, t >= 0, between which all boxes and grids lie. Empty (x > y) if the ray meets none. In a solid with a
+// medium: the whole ray. Media inside null boundaries are not included.
 fn media_extent(o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     if (HAS_INTERIORS && surrounding_solid >= FIRST_INTERIOR) {
         return vec2<f32>(0.0, 3e38);

@@ -60,10 +60,10 @@ struct PathVertex {
     to_previous: vec3<f32>,
     // VERTEX_ bits. The low byte is the number of segments between the vertex and the start of its subpath.
     flags: u32,
-    // Base colour at the point, as the bits of floats. If other properties of the material vary too: the words of
-    // `pack_point`. Spots: the bits of 1 - cosine of the outer (x) and inner (y) half angles. Suns, y: bits of the
-    // density per solid angle of the light subpaths, seen from `position`.
-    base_color: vec3<u32>,
+    // Properties of the point, in a form that depends on the vertex. Surface: the bits of the base colour; if other properties of
+    // the material vary too, the words of `pack_point`. Spot: the bits of 1 - cosine of the outer (x) and inner (y) half angles.
+    // Sun, y: the bits of the density per solid angle of the light subpaths, seen from `position`.
+    point_words: vec3<u32>,
     // Travel time per length on the side of `to_previous`.
     eta: f32,
     // See Surface.offset.
@@ -91,7 +91,7 @@ const VERTEX_VALID: u32 = 0x800u;
 const VERTEX_TRANSMITS: u32 = 0x4000u;
 // A normal map has turned the shading normal.
 const VERTEX_BUMPED: u32 = 0x8000u;
-// The vertex is a scattering event in a participating medium. `normal`, `geometric` and `base_color` have no meaning.
+// The vertex is a scattering event in a participating medium. `normal`, `geometric` and `point_words` have no meaning.
 const VERTEX_IN_MEDIUM: u32 = 0x10000u;
 // Light: see `follows_connected`.
 const VERTEX_FOLLOWS_CONNECTED: u32 = 0x20000u;

@@ -85,7 +85,7 @@ fn unpack_coated_point(words: vec3<u32>) -> PointProperties {
     return PointProperties(base * base, rest.x, select(alpha, 0.0, alpha < DELTA_ALPHA), factors, 1.0);
 }
 
-// Metalness (x) and GGX alpha (y) at a point with this material. `words`: `base_color` of the vertex.
+// Metalness (x) and GGX alpha (y) at a point with this material. `words`: `point_words` of the vertex.
 fn metallic_and_alpha(m: Material, words: vec3<u32>) -> vec2<f32> {
     if (varies(m)) {
         let p = unpack_point(words);
@@ -94,7 +94,7 @@ fn metallic_and_alpha(m: Material, words: vec3<u32>) -> vec2<f32> {
     return vec2<f32>(m.metallic, m.alpha);
 }
 
-// Transmission at a point with this material. `words`: `base_color` of the vertex.
+// Transmission at a point with this material. `words`: `point_words` of the vertex.
 fn transmission_at(m: Material, words: vec3<u32>) -> f32 {
     if (HAS_TRANSMISSION_TEXTURES && varies(m)) {
         return m.transmission * unpack_point(words).transmission;

@@ -185,7 +185,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, first: u32, rng: ptr<f
     for (var g = 0u; g < TIME_GROUPS; g++) {
         let vertex = chosen.vertices[g];
         let weight = chosen.sums[g] / (chosen.targets[g] * f32(queries));
-        // A query that finds nothing counts as a tried connection too, so its weight is not 0.
+        // Weight 0 marks an unused slot. Queries that find no vertex get weight 1, so that gather.wgsl counts them as tried.
         write_candidate(first + g, vertex, select(weight, 1.0, vertex == NONE));
     }
 }

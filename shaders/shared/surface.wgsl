@@ -131,7 +131,7 @@ fn base_color(s: Surface) -> vec4<f32> {
     return factor * sample_texture(m.base_texture, s.uv);
 }
 
-// The words that a vertex at the point stores in `base_color`.
+// The `point_words` of a vertex at the point.
 fn point_words(s: Surface) -> vec3<u32> {
     let base = base_color(s).xyz;
     let m = load_material(s.material);

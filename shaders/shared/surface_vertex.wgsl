@@ -16,7 +16,7 @@ fn surface_vertex(surface: Surface, towards: vec3<f32>) -> PathVertex {
     v.to_previous = towards;
     v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, passes)
         | select(0u, VERTEX_BUMPED, HAS_NORMAL_MAPS && any(normal != surface.normal));
-    v.base_color = point_words(surface);
+    v.point_words = point_words(surface);
     v.offset = surface.offset;
     v.select_pdf = 1.0;
     return v;

@@ -118,19 +118,19 @@ fn is_connectible(v: PathVertex) -> bool {
     }
     let m = load_material(v.material);
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
-    let lobe = metallic_and_alpha(m, v.base_color);
-    let diffuse = lobe.x < 1.0 && transmission_at(m, v.base_color) < 1.0;
+    let lobe = metallic_and_alpha(m, v.point_words);
+    let diffuse = lobe.x < 1.0 && transmission_at(m, v.point_words) < 1.0;
     let retroreflects = HAS_RETROREFLECTORS && m.retroreflection > 0.0;
-    return !black && (lobe.y >= DELTA_ALPHA || diffuse || retroreflects || has_rough_clearcoat(m, v.base_color));
+    return !black && (lobe.y >= DELTA_ALPHA || diffuse || retroreflects || has_rough_clearcoat(m, v.point_words));
 }
 
 // The BSDF at v, a point on a surface.
 fn vertex_bsdf(v: PathVertex) -> Bsdf {
     let front = (v.flags & VERTEX_FRONT) != 0u;
     if (HAS_SURFACE_TEXTURES && varies(load_material(v.material))) {
-        return make_varying_bsdf(v.material, unpack_point(v.base_color), front);
+        return make_varying_bsdf(v.material, unpack_point(v.point_words), front);
     }
-    return make_bsdf(v.material, bitcast<vec3<f32>>(v.base_color), front);
+    return make_bsdf(v.material, bitcast<vec3<f32>>(v.point_words), front);
 }
 
 // The direction w in the local frame of `normal` (+z).
@@ -263,8 +263,8 @@ fn sample_medium_vertex(v: PathVertex, u: vec4<f32>) -> Scatter {
     return Scatter(direction, vec3<f32>(1.0), pdf, pdf, 1.0, false, true);
 }
 
-// Samples the next direction of a subpath at v, which is no emitter. `to_light`: true for sensor subpaths.
-fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
+// Samples the next direction of a subpath at v, which is no emitter.
+fn sample_vertex(v: PathVertex, is_sensor_subpath: bool, u: vec4<f32>) -> Scatter {
     if (is_in_medium(v)) {
         return sample_medium_vertex(v, u);
     }
@@ -272,7 +272,7 @@ fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     var normal = scattering_normal(v, v.to_previous);
     var numbers = u;
     var probability = 1.0;
-    if (HAS_NORMAL_MAPS && !to_light && (v.flags & VERTEX_BUMPED) != 0u) {
+    if (HAS_NORMAL_MAPS && !is_sensor_subpath && (v.flags & VERTEX_BUMPED) != 0u) {
         // Chooses a normal. The rest of the number then chooses the lobe.
         let bump = bump_probability(v, v.to_previous);
         let turned = u.w < bump;
@@ -281,7 +281,7 @@ fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
         numbers.w = min(select(u.w - bump, u.w, turned) / probability, 0.99999994);
     }
     let known = to_local(normal, v.to_previous);
-    let sample = bsdf_sample(b, known, to_light, numbers);
+    let sample = bsdf_sample(b, known, is_sensor_subpath, numbers);
     var s: Scatter;
     s.valid = false;
     if (!sample.valid) {
@@ -295,7 +295,7 @@ fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     s.pdf_reverse = sample.pdf_reverse;
     s.delta = sample.delta;
     if (HAS_NORMAL_MAPS && (v.flags & VERTEX_BUMPED) != 0u) {
-        if (to_light) {
+        if (is_sensor_subpath) {
             s.pdf_reverse *= normal_probability(v, s.direction, v.to_previous);
         } else {
             // If light in this direction scatters with the other normal, the sample is lost.
@@ -307,8 +307,8 @@ fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     // Only the correction for shading normals remains: see `evaluate_light_vertex`.
     let known_ratio = known.z / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     let new_cosine = abs(sample.direction.z);
-    let smooth_factor = select(known_ratio * s.cosine, new_cosine, to_light);
-    let delta_factor = select(known_ratio * s.cosine / new_cosine, 1.0, to_light);
+    let smooth_factor = select(known_ratio * s.cosine, new_cosine, is_sensor_subpath);
+    let delta_factor = select(known_ratio * s.cosine / new_cosine, 1.0, is_sensor_subpath);
     s.weight = sample.weight * (select(smooth_factor, delta_factor, s.delta) / probability);
     return s;
 }

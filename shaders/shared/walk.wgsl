@@ -19,9 +19,9 @@ struct Arrival {
 }
 
 // Traces the ray of `state` to the nearest surface, or to a scattering event before it, and moves the subpath there. With
-// `is_direct` the subpath never scatters: the throughput falls by the transmittance instead. `to_light`: true for sensor subpaths.
-// `key`: see `trace`. `u`: samples the flight.
-fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key: vec4<u32>, u: vec2<f32>) -> Arrival {
+// `is_direct` the subpath never scatters: the throughput falls by the transmittance instead. `key`: see `trace`. `u`: samples the
+// flight.
+fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: bool, key: vec4<u32>, u: vec2<f32>) -> Arrival {
     var a: Arrival;
     a.carried = 1.0;
     let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
@@ -37,7 +37,7 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
     if (HAS_MEDIA && solid != CLEAR_SOLID) {
         let limit = select(3e38, distance(a.surface.position, (*state).position), a.found);
         surrounding_solid = solid;
-        let flight = fly(state, limit, is_direct, to_light, u);
+        let flight = fly(state, limit, is_direct, is_sensor_subpath, u);
         let to_shade_point = select(0.0, flight.distance, a.found || flight.scattered);
         a.segment = FogSegment((*state).throughput, limit, (*state).d_vcm, (*state).d_vc, to_shade_point, solid);
         (*state).throughput *= flight.weight;
@@ -72,17 +72,17 @@ fn find_solid(state: ptr<function, PathState>, surface: Surface) -> u32 {
 }
 
 // The flight of a subpath along its ray, at most as far as `limit`. Other arguments: see `advance`.
-fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: bool, u: vec2<f32>) -> Flight {
+fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, is_sensor_subpath: bool, u: vec2<f32>) -> Flight {
     if (is_direct) {
         let depths = optical_depths((*state).position, (*state).direction, limit);
         return Flight(false, limit, NONE, transmitted(depths), depths.scattering);
     }
     // Guided flights assume that light comes straight from the emitters, so rays inside solids do not use them.
-    if (GUIDES_FLIGHTS && to_light && frame.cull_hi < 3e38 && surrounding_solid == OUTSIDE_SOLIDS) {
+    if (GUIDES_FLIGHTS && is_sensor_subpath && frame.cull_hi < 3e38 && surrounding_solid == OUTSIDE_SOLIDS) {
         let s = *state;
         return guided_flight(s.position, s.direction, limit, s.tau, s.eta, s.throughput, u);
     }
-    return free_flight((*state).position, (*state).direction, limit, (*state).throughput, to_light, u);
+    return free_flight((*state).position, (*state).direction, limit, (*state).throughput, is_sensor_subpath, u);
 }
 
 // Whether every path that continues from v to `point`, or to any point at least as far from v, is too long for the gate. The
@@ -156,8 +156,10 @@ fn arrive_in_medium(state: ptr<function, PathState>, flight: Flight) -> PathVert
 // `survival` is the uniform of Russian roulette; a negative value switches roulette off. The probability of survival is the
 // throughput factor of this bounce and of the flight before it (`carried_before`), clamped to [0.05, 1]. With several responses,
 // it is the square root of this factor, clamped likewise.
-fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
-    let s = sample_vertex(v, to_light, u);
+fn scatter(
+    state: ptr<function, PathState>, v: PathVertex, carried_before: f32, is_sensor_subpath: bool, u: vec4<f32>, survival: f32,
+) -> bool {
+    let s = sample_vertex(v, is_sensor_subpath, u);
     if (!s.valid) {
         return false;
     }
@@ -176,7 +178,7 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, 
     if (follows_connected(v)) {
         (*state).d_vcm = min((*state).d_vcm * mis(density_gain(v.material, v.to_previous, s.direction)), MAX_SUM);
     }
-    mis_scatter(state, v, s, select(sample_count_ratio(v) * selection_pdf(v), 1.0, to_light));
+    mis_scatter(state, v, s, select(sample_count_ratio(v) * selection_pdf(v), 1.0, is_sensor_subpath));
     if (is_in_medium(v)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
         return true;
@@ -185,7 +187,7 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, 
     // A vertex with several lobes, or with a normal map, chooses at random.
     let has_more_lobes = (HAS_CLEARCOAT && m.clearcoat > 0.0) || (HAS_RETROREFLECTORS && m.retroreflection > 0.0);
     let is_bumped = HAS_NORMAL_MAPS && (v.flags & VERTEX_BUMPED) != 0u;
-    let is_mirror = metallic_and_alpha(m, v.base_color).x >= 1.0 && !has_more_lobes && !is_bumped;
+    let is_mirror = metallic_and_alpha(m, v.point_words).x >= 1.0 && !has_more_lobes && !is_bumped;
     if (!(s.delta && is_mirror)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }

@@ -30,18 +30,19 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    /// relMSE times seconds. The product stays constant while a render goes on.
-    pub fn cost(&self, truth: &[f32]) -> Means {
-        relative(&self.variance, truth).scaled(self.seconds)
+    /// relMSE times seconds, over all pixels and trimmed. The product stays constant while a render goes on. The relMSE is estimated
+    /// from the stated variance, relative to the image `common_mean`.
+    pub fn cost(&self, common_mean: &[f32]) -> Means {
+        relative(&self.variance, common_mean).scaled(self.seconds)
     }
 }
 
 /// A pilot that misses at least this fraction of the lit blocks cannot estimate its own error.
-const BLIND: f64 = 0.05;
+const MAX_MISSED: f64 = 0.05;
 
-/// The pilot with the smallest product of two costs: over all pixels, and trimmed. Rare bright samples count, but a short render
-/// meets one only by luck. A pilot with no light in a place has no variance there, so its cost is too small. If other pilots
-/// found light in this place, the pilot is chosen only if all pilots miss light somewhere.
+/// The pilot with the smallest product of two costs: over all pixels (rare bright samples count) and trimmed (they do not, because a
+/// short render meets them by luck). A pilot that misses light that others found comes last: its variance, and so its cost, is too
+/// small.
 ///
 /// All pilots are compared with the same image: the mean of all pilots over blocks of pixels. With single pixels, the noise
 /// of the other pilots would dominate the error of the best one.
@@ -49,20 +50,20 @@ pub fn fastest(pilots: &[Pilot]) -> &Pilot {
     let n = pilots.len() as f32;
     let width = pilots[0].settings.crop().width() as usize;
     let mean: Vec<f32> = (0..pilots[0].mean.len()).map(|i| pilots.iter().map(|p| p.mean[i]).sum::<f32>() / n).collect();
-    let truth = over_blocks(&mean, width);
+    let common_mean = over_blocks(&mean, width);
     let cost = |pilot: &Pilot| {
-        let cost = pilot.cost(&truth);
+        let cost = pilot.cost(&common_mean);
         cost.all * cost.trimmed
     };
-    let is_blind = |pilot: &Pilot| missed(&truth, &over_blocks(&pilot.mean, width)) >= BLIND;
-    let order = |a: &Pilot, b: &Pilot| is_blind(a).cmp(&is_blind(b)).then(cost(a).total_cmp(&cost(b)));
+    let misses_light = |pilot: &Pilot| missed(&common_mean, &over_blocks(&pilot.mean, width)) >= MAX_MISSED;
+    let order = |a: &Pilot, b: &Pilot| misses_light(a).cmp(&misses_light(b)).then(cost(a).total_cmp(&cost(b)));
     pilots.iter().min_by(|a, b| order(a, b)).expect("there is a pilot")
 }
 
-/// Fraction of the values above 0 of `truth` that are 0 in `found`.
-fn missed(truth: &[f32], found: &[f32]) -> f64 {
-    let lit = truth.iter().filter(|&&x| x > 0.0).count();
-    let black = truth.iter().zip(found).filter(|&(&truth, &found)| truth > 0.0 && found == 0.0).count();
+/// Fraction of the values above 0 of `common_mean` that are 0 in `found`.
+fn missed(common_mean: &[f32], found: &[f32]) -> f64 {
+    let lit = common_mean.iter().filter(|&&x| x > 0.0).count();
+    let black = common_mean.iter().zip(found).filter(|&(&mean, &found)| mean > 0.0 && found == 0.0).count();
     black as f64 / lit.max(1) as f64
 }
 
@@ -97,7 +98,7 @@ pub fn pilots(
     let mut candidates: Vec<(String, Settings)> =
         entries.iter().map(|e| (e.variant.clone(), e.settings.clone())).collect();
     for estimator in Estimator::ALL.into_iter().filter(|e| e.record().renders_references) {
-        let plain = with(entries[0], estimator);
+        let plain = with_defaults_of(entries[0], estimator);
         let frugal = frugal(plain.clone());
         let also = [
             (estimator.to_string(), plain),
@@ -129,7 +130,7 @@ pub fn pilots(
 
 /// The settings of an entry with another estimator and the defaults of that estimator. Camera, gate, emitters and the set of
 /// paths stay the same. If the entry gives a number of light paths, this number stays too.
-pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
+pub fn with_defaults_of(entry: &Entry, estimator: Estimator) -> Settings {
     let plain =
         entry.settings.change().estimator(estimator).splat_paths(None).queries(None).buckets(None).leaf_size(None);
     let plain = plain.frontier(None).single_tree(None).importance(None).sampling(None).no_cull(None);

@@ -12,7 +12,7 @@
 use std::path::{Path, PathBuf};
 
 use super::job::{Entry, Job};
-use super::pilot::{fastest, frugal, pilots, with};
+use super::pilot::{fastest, frugal, pilots, with_defaults_of};
 use super::quality::{MARGIN, MAX_REFERENCE_RELMSE, ReferenceTarget, relative};
 use super::timed_renderer::TimedRenderer;
 use crate::compare::agreement::{Agreement, MIN_BATCHES, agreement};
@@ -111,12 +111,12 @@ pub fn make(
 ) -> Result<Option<ReferenceReport>> {
     let Some(pilots) = pilots(device, job, prepared, entries, target, watch)? else { return Ok(None) };
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
-    let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(Means::INFINITE, Means::min);
+    let cheapest = |mean: &[f32]| measured().map(|p| p.cost(mean)).fold(Means::INFINITE, Means::min);
     let chosen = fastest(&pilots);
     // Pilots are slower than long renders because their iterations have few samples. The long render shows by which factor the
     // chosen settings improved. Assume that the other settings would improve by the same factor.
-    let wanted = |truth: &[f32], own: Means, seconds: f64| {
-        let (cheapest, chosen, known) = (cheapest(truth), chosen.cost(truth), target.best.unwrap_or(Means::INFINITE));
+    let wanted = |mean: &[f32], own: Means, seconds: f64| {
+        let (cheapest, chosen, known) = (cheapest(mean), chosen.cost(mean), target.best.unwrap_or(Means::INFINITE));
         let of = |of: fn(Means) -> f64| {
             let gained = (of(own) * seconds / of(chosen)).min(1.0);
             ((of(cheapest) * gained / target.seconds).min(of(known)) / MARGIN).min(MAX_REFERENCE_RELMSE)
@@ -315,7 +315,7 @@ fn judge_cells(
     seconds: f64,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<CellBatches>> {
-    let mut timed = job.timed(device, &frugal(with(entry, estimator)), prepared)?;
+    let mut timed = job.timed(device, &frugal(with_defaults_of(entry, estimator)), prepared)?;
     timed.restart(seed);
     while timed.clock < seconds || timed.renderer.film().iterations() < 2 * MIN_ITERATIONS {
         advance(&mut timed)?;

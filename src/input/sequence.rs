@@ -38,8 +38,7 @@ pub struct Sequence {
 
 impl Sequence {
     /// The sequence of an experiment; `None` if it has no frames. `end`: the end of the scene's animations in seconds, `None` if no
-    /// node moves. Fails if a setting of sequences comes without frames, if the name of an output has no `#`, or if all frames would
-    /// be the same.
+    /// node moves. Fails if the settings do not fit a sequence: see the messages.
     pub fn new(experiment: &Experiment, end: impl FnOnce() -> Result<Option<f64>>) -> Result<Option<Sequence>> {
         let mut experiment = experiment.clone();
         if experiment.output.frames.is_some() {

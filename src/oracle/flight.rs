@@ -48,7 +48,7 @@ impl PathVertex<'_> {
         }
     }
 
-    /// Whether no connection to this vertex has a contribution.
+    /// True if all lobes are deltas, or the vertex lies on the black back of a surface: connections to it contribute nothing.
     pub fn only_delta(&self) -> bool {
         match self {
             PathVertex::Surface(vertex) => vertex.only_delta(),
@@ -56,7 +56,7 @@ impl PathVertex<'_> {
         }
     }
 
-    /// The factor of the vertex for light from `wi`: BSDF times cosine, or phase function.
+    /// The factor of the vertex, in 1 / sr: BSDF times cosine, or phase function. `wi`: unit vector towards the incident light.
     pub fn scattered(&self, wi: DVec3) -> DVec3 {
         let (f, cos) = self.factors(wi);
         DVec3::from(f) * cos

@@ -141,7 +141,7 @@ pub struct Mesh {
     pub positions: Vec<[f32; 3]>,
     /// Unit normals, one per position, or empty for flat shading.
     pub normals: Vec<[f32; 3]>,
-    /// Texture coordinates (set 0), one per position, or empty.
+    /// Texture coordinates: one set, which all textures of the material use. One per position, or empty.
     pub uvs: Vec<[f32; 2]>,
     /// Linear RGB and alpha in [0, 1], one per position, or empty. They multiply the base colour.
     pub colors: Vec<[f32; 4]>,
@@ -192,7 +192,8 @@ pub struct Texture {
     pub transform: DAffine2,
 }
 
-/// Decoded texels, row 0 at the top (v = 0), sRGB-encoded colour and linear alpha, 8 bits each.
+/// Decoded texels, row 0 at the top (v = 0), 8 bits per channel. The use decides what they mean: colours are sRGB, alpha is linear,
+/// data textures (roughness, normals) are linear in all channels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
     /// Width in texels.

@@ -103,7 +103,7 @@ host_twins! {
         normal: [f32; 3], d_vcm: f32,
         geometric: [f32; 3], d_vc: f32,
         to_previous: [f32; 3], flags: u32,
-        base_color: [f32; 3], eta: f32,
+        point_words: [f32; 3], eta: f32,
         offset: f32, select_pdf: f32, owner: u32, selection_cdf: u32,
     }
     /// `shared/path.wgsl`

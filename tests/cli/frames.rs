@@ -54,10 +54,10 @@ fn frames_of_a_moving_scene_are_those_rendered_alone() {
     // Existing frames are kept. A missing frame is rendered again, with the same bits.
     let before = pixels(here.path(), "f.03.exr");
     std::fs::remove_file(here.path().join("f.03.exr")).unwrap();
-    assert!(render(here.path(), &frames).contains("2 of 3 frames were there already"));
+    assert!(render(here.path(), &frames).contains("2 of 3 frames exist"));
     assert!(pixels(here.path(), "f.03.exr") == before);
     let other = [&["render", "scene.glb", "--seed", "5"], &SMALL[..], &frames].concat();
-    fails(here.path(), &other, 2, "f.03.exr: is there already, but not with these settings");
+    fails(here.path(), &other, 2, "f.03.exr exists, but has other settings");
 }
 
 /// A camera and a lamp that move need no new BVH, and give the bits of frames that are rendered alone.
@@ -148,7 +148,7 @@ fn a_gate_sweeps_over_a_scene_that_stops() {
     assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "n1.exr"));
 }
 
-/// The picture of a frame shows the light of all gates, whatever the file that keeps them.
+/// The picture of a frame shows the light of all gates, in every file format.
 #[test]
 fn a_contact_sheet_shows_all_gates() {
     let here = with("street");
@@ -159,9 +159,9 @@ fn a_contact_sheet_shows_all_gates() {
     }
     let picture = |name: &str| image::open(here.path().join(name)).unwrap().into_rgb8();
     assert!(picture("exr.png") == picture("npy.png") && picture("exr.png") == picture("acc.png"));
-    // Its exposure needs no pictures of the frames.
+    // `--exposure` is allowed if only the contact sheet has a picture.
     let bright = ["-o", "f#.exr", "--contact-sheet", "bright.png", "--exposure", "20"];
-    assert!(render(here.path(), &[&flags[..], &bright].concat()).contains("2 of 2 frames were there already"));
+    assert!(render(here.path(), &[&flags[..], &bright].concat()).contains("2 of 2 frames exist"));
     assert!(picture("bright.png").as_raw().iter().filter(|&&byte| byte == 255).count() > 100);
 }
 
@@ -177,7 +177,7 @@ fn pictures_of_finished_frames_get_the_new_exposure() {
         let picture = || std::fs::read(here.join(name)).unwrap();
         let run = |exposure: &str| {
             let message = render(here, &[&flags[..], &["--exposure", exposure]].concat());
-            (message.contains("2 of 2 frames were there already"), picture())
+            (message.contains("2 of 2 frames exist with the same settings and are kept"), picture())
         };
         // The first picture is made from a frame that has none yet.
         render(here, &[&keys[..], &["-o", frames]].concat());
@@ -200,14 +200,9 @@ fn frames_are_kept_if_their_settings_give_the_same_image() {
     let again = [&["render", "./scene.glb", "--strict", "--force", "--device", "0"], &SMALL[..], &keys, &files];
     let output = taugate(here, &again.concat());
     let message = String::from_utf8_lossy(&output.stderr);
-    assert!(message.contains("2 of 2 frames were there already"), "{message}");
+    assert!(message.contains("2 of 2 frames exist"), "{message}");
     let longer = [&["render", "scene.glb", "--spp", "3"], &SMALL[..2], &SMALL[4..], &keys, &["-o", "f#.exr"]].concat();
-    fails(
-        here,
-        &longer,
-        2,
-        "not with these settings (render.spp is 3 in this command and is 2 in the file); remove it",
-    );
+    fails(here, &longer, 2, "has other settings (render.spp is 3 in this command and is 2 in the file); remove it");
 }
 
 #[test]
@@ -222,17 +217,16 @@ fn frames_of_another_scene_or_without_the_layers_are_not_kept() {
     };
     let files = ["-o", "f#.exr", "-o", "f#.npy"];
     render(here, &[&frames[..], &files].concat());
-    assert!(render(here, &[&frames[..], &files].concat()).contains("2 of 2 frames were there already"));
-    again(&[&files[..], &["--aov", "depth"]].concat(), "f0.exr: is there already, but without the layer depth");
+    assert!(render(here, &[&frames[..], &files].concat()).contains("2 of 2 frames exist"));
+    again(&[&files[..], &["--aov", "depth"]].concat(), "f0.exr exists, but lacks the layer depth");
     render(here, &[&frames[..], &["-o", "s#.acc"]].concat());
-    again(&["-o", "s#.acc", "--aov", "depth"], "s0.acc: is there already, but without the layer depth");
+    again(&["-o", "s#.acc", "--aov", "depth"], "s0.acc exists, but lacks the layer depth");
     let longer =
         [&["render", "scene.glb", "--spp", "3"], &SMALL[..2], &SMALL[4..], &frames, &["-o", "s#.acc"]].concat();
-    fails(here, &longer, 2, "s0.acc: is there already, but with another --spp or --time");
+    fails(here, &longer, 2, "s0.acc exists, but was rendered with another --spp or --time");
     render(here, &[&frames[..], &["-o", "g#.exr", "--aov", "depth,normal"]].concat());
     assert!(
-        render(here, &[&frames[..], &["-o", "g#.exr", "--aov", "normal"]].concat())
-            .contains("2 of 2 frames were there")
+        render(here, &[&frames[..], &["-o", "g#.exr", "--aov", "normal"]].concat()).contains("2 of 2 frames exist")
     );
 
     // The path of the scene is the same, but not its contents.
@@ -244,8 +238,8 @@ fn frames_of_another_scene_or_without_the_layers_are_not_kept() {
         LightKind::Point { intensity: [1.0; 3] },
     );
     std::fs::write(here.join("scene.glb"), glb::write(&scene)).unwrap();
-    again(&files, "f0.exr: is there already, but its scene or another input has changed");
-    again(&["-o", "f#.npy"], "f0.npy: is there already, but its scene or another input has changed");
+    again(&files, "f0.exr exists, but its scene or another input has changed");
+    again(&["-o", "f#.npy"], "f0.npy exists, but its scene or another input has changed");
 }
 
 #[test]

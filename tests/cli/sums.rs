@@ -184,7 +184,7 @@ fn every_nth_frame_is_a_shard_of_a_sequence() {
     assert_eq!(names(here), ["box.glb", "f4.exr", "f6.exr"]);
     of("0/2");
     let message = run(here, &[&["render", "box.glb", "--gif", "f.gif"], &small[..], &flags].concat());
-    assert!(message.contains("5 of 5 frames were there already"), "{message}");
+    assert!(message.contains("5 of 5 frames exist"), "{message}");
 }
 
 #[test]

@@ -13,12 +13,17 @@ use taugate::internals::settings::{Estimator, Responses, Settings};
 
 use super::cells::{Cells, device, renderer, settings, threshold};
 
+/// Albedo of the wall.
 const WALL: f32 = 0.7;
+/// Albedo of the object.
 const OBJECT: f32 = 0.5;
+/// Power of the laser in watts.
 const POWER: f32 = 3.0;
 const LASER: DVec3 = DVec3::new(3.0, 0.5, 2.0);
 const SENSOR: DVec3 = DVec3::new(3.0, -0.5, 2.5);
+/// Point of the wall that the laser lights.
 const LIT: DVec3 = DVec3::new(0.2, 0.3, 0.0);
+/// Points of the wall that the sensor sees. The first one is lit.
 const SEEN: [DVec3; 3] = [DVec3::new(0.2, 0.3, 0.0), DVec3::new(-0.4, 0.1, 0.0), DVec3::new(0.5, -0.6, 0.0)];
 /// Travel times between the first and the last point on the wall, in metres. Light arrives from 2.0 m to 3.3 m.
 const GATES: [(f64, f64); 4] = [(1.9, 2.1), (2.1, 2.3), (2.3, 2.35), (2.5, 4.0)];
@@ -44,12 +49,12 @@ fn sensor(points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Camera {
 }
 
 /// Distance from the laser to the wall plus distance from the wall to the sensor.
-fn ends(lit: DVec3, seen: DVec3) -> f64 {
+fn length_of_ends(lit: DVec3, seen: DVec3) -> f64 {
     LASER.distance(lit) + SENSOR.distance(seen)
 }
 
 /// Radiance in the gate [lo, hi) at the point `seen` of the wall, after one reflection by the object: a quadrature over the object. The
-/// lit point has the intensity POWER albedo / pi cos.
+/// lit point has the radiant intensity POWER * WALL / pi * cos(theta), in W/sr.
 fn radiance(seen: DVec3, (lo, hi): (f64, f64)) -> f64 {
     const STEPS: u32 = 1000;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS) - 0.5;
@@ -74,7 +79,8 @@ fn scan_settings(estimator: Estimator, points: &[DVec3]) -> Settings {
 #[test]
 fn a_wall_has_the_radiance_of_the_closed_form() {
     for estimator in [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs] {
-        let mut whole = renderer(&scene(LIT, &SEEN, |seen| ends(LIT, seen)), &scan_settings(estimator, &SEEN));
+        let mut whole =
+            renderer(&scene(LIT, &SEEN, |seen| length_of_ends(LIT, seen)), &scan_settings(estimator, &SEEN));
         for (g, gate) in GATES.into_iter().enumerate() {
             let cells = Cells::measure(&mut whole, Gate { lo: gate.0, hi: gate.1 }, 1, 1, 1000, 7 + 100 * g as u32);
             let wrong = |shift: f64| {
@@ -95,10 +101,10 @@ fn a_wall_has_the_radiance_of_the_closed_form() {
 #[test]
 fn ways_to_the_wall_count_if_they_are_not_omitted() {
     let settings = scan_settings(Estimator::Lcs, &SEEN[..1]);
-    let mut omitted = renderer(&scene(LIT, &SEEN[..1], |seen| ends(LIT, seen)), &settings);
+    let mut omitted = renderer(&scene(LIT, &SEEN[..1], |seen| length_of_ends(LIT, seen)), &settings);
     let mut counted = renderer(&scene(LIT, &SEEN[..1], |_| 0.0), &settings);
     let (lo, hi) = (GATES[1].0, GATES[1].1);
-    let ends = ends(LIT, SEEN[0]);
+    let ends = length_of_ends(LIT, SEEN[0]);
     let without = Cells::measure(&mut omitted, Gate { lo, hi }, 1, 1, 400, 1);
     let with = Cells::measure(&mut counted, Gate { lo: lo + ends, hi: hi + ends }, 1, 1, 400, 1);
     let difference = (without.mean(0) - with.mean(0)).abs();
@@ -141,7 +147,7 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     let settings = scan_settings(Estimator::Lcs, &SEEN);
     let settings = settings.change().gate(Gate { lo: GATES[0].0, hi: GATES[2].1 }).build().unwrap();
     let lit = DVec3::new(-0.3, -0.2, 0.0);
-    let [first, second] = [LIT, lit].map(|lit| scene(lit, &SEEN, |seen| ends(lit, seen)));
+    let [first, second] = [LIT, lit].map(|lit| scene(lit, &SEEN, |seen| length_of_ends(lit, seen)));
     let render = |renderer: &mut Renderer| {
         renderer.iterate(32).unwrap();
         renderer.film().mean()
@@ -168,7 +174,7 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
 /// Light goes from the laser to a point of the wall and on to the sensor. If both ways are omitted, its travel time is 0. The bug:
 /// rounding made the travel time of some pixels negative, and a gate that began at 0 left them out.
 #[test]
-fn gates_from_the_wall_on_keep_the_direct_return() {
+fn a_gate_that_begins_at_0_keeps_the_direct_return() {
     let points: Vec<DVec3> =
         (0..64).map(|i| DVec3::new(f64::from(i % 8), f64::from(i / 8), 0.0) / 8.1 - 0.43).collect();
     let points: Vec<DVec3> = points.into_iter().map(|p| DVec3 { z: 0.0, ..p }).collect();
@@ -187,7 +193,7 @@ fn gates_from_the_wall_on_keep_the_direct_return() {
             [Responses::from(Gate { lo: 0.0, hi: 1.0 }), Gates::new(Gate { lo: 0.0, hi: 1.0 }, 10).unwrap().into()];
         for responses in kinds {
             let settings = settings().responses(responses).build().unwrap();
-            let mut omitted = renderer(&lit_by_cone(&|seen| ends(seen, seen)), &settings);
+            let mut omitted = renderer(&lit_by_cone(&|seen| length_of_ends(seen, seen)), &settings);
             omitted.iterate(4).unwrap();
             // All of it is in the first gate.
             let first = omitted.responses().map_or_else(|| omitted.film().mean(), |film| film.mean(0));

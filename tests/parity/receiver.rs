@@ -58,7 +58,7 @@ const RECEIVER: ShaderFunction = ShaderFunction {
     input: "q: PathVertex",
     result: "mirrored: vec3<f32>, spread: f32, normal: vec3<f32>, gloss: f32, transmits: u32, lobe: f32, pad: vec2<f32>",
     body: "let r = make_receiver(input.q);
-        let b = make_bsdf(input.q.material, bitcast<vec3<f32>>(input.q.base_color), (input.q.flags & VERTEX_FRONT) != 0u);
+        let b = make_bsdf(input.q.material, bitcast<vec3<f32>>(input.q.point_words), (input.q.flags & VERTEX_FRONT) != 0u);
         result.mirrored = r.mirrored; result.spread = r.spread; result.normal = r.normal; result.gloss = r.gloss;
         result.transmits = u32(r.transmits);
         result.lobe = lobe_probabilities(b, dot(input.q.normal, input.q.to_previous)).gloss;",

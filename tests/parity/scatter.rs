@@ -83,7 +83,7 @@ pub fn vertex(pcg: &mut Pcg) -> PathVertex {
         normal: vec3(normal),
         geometric: vec3(geometric),
         to_previous: vec3(to_previous),
-        base_color: [0; 3].map(|_| pcg.range(0.1, 1.0) as f32),
+        point_words: [0; 3].map(|_| pcg.range(0.1, 1.0) as f32),
         material,
         flags: if front { FRONT } else { 0 } | if transmits { VERTEX_TRANSMITS } else { 0 },
         eta: if front { 1.0 } else { set.kinds[material as usize].ior },
@@ -132,7 +132,7 @@ fn connections_agree_with_f64() {
         if [known.z, new.z, side, before.dot(geometric)].iter().any(|c| c.abs() < 0.02) {
             continue;
         }
-        let reference = set.at(v.material as usize, v.base_color.map(f64::from));
+        let reference = set.at(v.material as usize, v.point_words.map(f64::from));
         // No light leaks through a surface: a direction must be on the same side of both normals (Veach 1997, section 5.3).
         let open = known.z > 0.0 && side * new.z > 0.0;
         let received = before.dot(geometric).abs();
@@ -155,20 +155,20 @@ fn connections_agree_with_f64() {
 
 const STEP: ShaderFunction = ShaderFunction {
     imports: &["walk"],
-    input: "v: PathVertex, u: vec4<f32>, to_light: u32, survival: f32, d_vcm: f32, d_vc: f32",
+    input: "v: PathVertex, u: vec4<f32>, is_sensor_subpath: u32, survival: f32, d_vcm: f32, d_vc: f32",
     result: "weight: vec3<f32>, pdf: f32, value: vec3<f32>, connect_pdf: f32, direction: vec3<f32>, valid: u32,
         state: PathState, departed: u32, connectible: u32, pad: vec2<u32>",
-    body: "let s = sample_vertex(input.v, input.to_light == 1u, input.u);
+    body: "let s = sample_vertex(input.v, input.is_sensor_subpath == 1u, input.u);
         result.weight = s.weight; result.pdf = s.pdf; result.direction = s.direction;
         result.valid = u32(s.valid && !s.delta);
         if (s.valid) {
             var c = evaluate_light_vertex(input.v, s.direction);
-            if (input.to_light == 1u) { c = evaluate_shade_point(input.v, s.direction); }
+            if (input.is_sensor_subpath == 1u) { c = evaluate_shade_point(input.v, s.direction); }
             result.value = c.value; result.connect_pdf = c.pdf;
         }
         var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = input.d_vcm; state.d_vc = input.d_vc;
         state.flags = PATH_ALIVE | PATH_DETERMINISTIC;
-        result.departed = u32(scatter(&state, input.v, 1.0, input.to_light == 1u, input.u, input.survival));
+        result.departed = u32(scatter(&state, input.v, 1.0, input.is_sensor_subpath == 1u, input.u, input.survival));
         result.state = state; result.connectible = u32(is_connectible(input.v));",
 };
 
@@ -177,7 +177,7 @@ const STEP: ShaderFunction = ShaderFunction {
 struct Step {
     v: PathVertex,
     u: [f32; 4],
-    to_light: u32,
+    is_sensor_subpath: u32,
     survival: f32,
     d_vcm: f32,
     d_vc: f32,
@@ -212,7 +212,7 @@ fn steps_agree_with_connections() {
                 PathVertex { select_pdf: 1.0, flags: v.flags | bumped, ..v }
             },
             u: [0; 4].map(|_| (pcg.next_u32() >> 8) as f32 / 16_777_216.0),
-            to_light: i & 1,
+            is_sensor_subpath: i & 1,
             survival: if i % 3 == 0 { -1.0 } else { pcg.uniform() as f32 },
             d_vcm: 0.5,
             d_vc: 0.25,
@@ -228,7 +228,7 @@ fn steps_agree_with_connections() {
             continue;
         }
         compared += 1;
-        let towards_sensor = if g.to_light == 1 { known } else { new };
+        let towards_sensor = if g.is_sensor_subpath == 1 { known } else { new };
         flat += usize::from(towards_sensor[0] * towards_sensor[1] < 0.0);
         for k in 0..3 {
             let expected = f64::from(r.value[k]) / f64::from(r.connect_pdf);
@@ -288,7 +288,7 @@ fn only_plain_mirrors_keep_a_beam_deterministic() {
         normal: up,
         geometric: up,
         to_previous: vec3(DVec3::new(0.6, 0.0, 0.8)),
-        base_color: [1.0; 3],
+        point_words: [1.0; 3],
         eta: 1.0,
         select_pdf: 1.0,
         throughput: [1.0; 3],

@@ -21,8 +21,8 @@ const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
 const ROUNDING: f64 = 2e-3;
 /// Number of independent iterations from which the change of the mean is estimated.
 const ITERATIONS: u32 = 64;
-/// Largest allowed standard error of the relative change of the mean.
-const PRECISE: f64 = 0.02;
+/// Maximum of the standard error of the relative change of the mean. With a larger error, the test would notice little.
+const MAX_STANDARD_ERROR: f64 = 0.02;
 
 /// The scene scaled by `scale`, then moved by `shift`. Intensity and power are multiplied by `scale` squared and coefficients of
 /// media divided by `scale`, so that radiance stays the same.
@@ -41,14 +41,16 @@ fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
         medium.sigma_a = medium.sigma_a.map(|sigma| sigma / scale);
         medium.bounds = medium.bounds.map(|bounds| bounds.map(move_to));
     }
-    let area = |rgb: [f32; 3]| rgb.map(|x| (f64::from(x) * scale * scale) as f32);
+    let times_scale_squared = |rgb: [f32; 3]| rgb.map(|x| (f64::from(x) * scale * scale) as f32);
     for light in &mut out.lights {
         light.position = move_to(light.position);
         light.kind = match light.kind {
-            LightKind::Point { intensity } => LightKind::Point { intensity: area(intensity) },
-            LightKind::Spot { intensity, inner, outer } => LightKind::Spot { intensity: area(intensity), inner, outer },
+            LightKind::Point { intensity } => LightKind::Point { intensity: times_scale_squared(intensity) },
+            LightKind::Spot { intensity, inner, outer } => {
+                LightKind::Spot { intensity: times_scale_squared(intensity), inner, outer }
+            }
             LightKind::Beam { power, radius } => {
-                LightKind::Beam { power: area(power), radius: (f64::from(radius) * scale) as f32 }
+                LightKind::Beam { power: times_scale_squared(power), radius: (f64::from(radius) * scale) as f32 }
             }
             directional => directional,
         };
@@ -100,30 +102,32 @@ fn difference(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// Relative change of the mean from `usual` to `there`, two sets of images with the same seeds, and its standard error.
-fn gain(usual: &[Vec<f32>], there: &[Vec<f32>]) -> (f64, f64) {
+fn relative_change(usual: &[Vec<f32>], there: &[Vec<f32>]) -> (f64, f64) {
     let n = usual.len() as f64;
     let mean = usual.iter().map(|image| sum(image)).sum::<f64>() / n;
-    let gains: Vec<f64> = usual.iter().zip(there).map(|(a, b)| (sum(b) - sum(a)) / mean).collect();
-    let gain = gains.iter().sum::<f64>() / n;
-    let variance = gains.iter().map(|g| (g - gain).powi(2)).sum::<f64>() / (n - 1.0);
-    (gain, (variance / n).sqrt())
+    let changes: Vec<f64> = usual.iter().zip(there).map(|(a, b)| (sum(b) - sum(a)) / mean).collect();
+    let change = changes.iter().sum::<f64>() / n;
+    let variance = changes.iter().map(|c| (c - change).powi(2)).sum::<f64>() / (n - 1.0);
+    (change, (variance / n).sqrt())
 }
 
-fn near(scene: &Scene, name: &str, estimator: Estimator, places: &[(f64, f64)]) {
+/// Fails if `scene` has another image at one of `places` (scale, and distance from the origin of world space in metres).
+fn assert_same_image_at(scene: &Scene, name: &str, estimator: Estimator, places: &[(f64, f64)]) {
     let usual = render(scene, estimator, 1.0);
     for &(scale, distance) in places {
         let shift = DVec3::new(0.6, -0.3, 0.74).normalize() * distance;
         let there = render(&placed(scene, scale, shift), estimator, scale);
-        let moved = difference(&usual[0], &there[0]);
-        let (gain, error) = gain(&usual, &there);
+        let difference = difference(&usual[0], &there[0]);
+        let (change, error) = relative_change(&usual, &there);
         let summary = format!(
-            "{name}, {estimator:?}: scale {scale:e}, at {distance:e} m: {moved:.1e} moved, {gain:+.1e} +- {error:.1e} in all"
+            "{name}, {estimator:?}: scale {scale:e}, at {distance:e} m: pixels differ by {difference:.1e}, the mean by \
+             {change:+.1e} +- {error:.1e}"
         );
         println!("{summary}");
         match estimator {
-            Estimator::Pt | Estimator::Bdpt => assert!(moved < ROUNDING, "{summary}"),
+            Estimator::Pt | Estimator::Bdpt => assert!(difference < ROUNDING, "{summary}"),
             Estimator::Epc | Estimator::LcsPaper | Estimator::Lcs => {
-                assert!(error < PRECISE && gain.abs() <= 1e-6 + threshold(TESTS) * error, "{summary}")
+                assert!(error < MAX_STANDARD_ERROR && change.abs() <= 1e-6 + threshold(TESTS) * error, "{summary}")
             }
         }
     }
@@ -136,7 +140,7 @@ const PLACES: [(f64, f64); 7] = [(1e-3, 0.0), (1e3, 0.0), (1e6, 0.0), (1e9, 0.0)
 
 #[test]
 fn a_scene_far_away_or_vast_is_the_same_image() {
-    near(&mixed(), "mixed", Estimator::LcsPaper, &[(1e9, 0.0), (1.0, 1e5)]);
+    assert_same_image_at(&mixed(), "mixed", Estimator::LcsPaper, &[(1e9, 0.0), (1.0, 1e5)]);
 }
 
 /// At scale 1e9 the fourth power of a distance overflowed in the MIS sums, and 11 contributions were dropped as non-finite.
@@ -158,20 +162,20 @@ fn a_gate_that_is_scaled_wrongly_is_noticed() {
     let off = render(&scene, Estimator::Pt, 1.001);
     assert!(difference(&usual[0], &off[0]) > 2.0 * ROUNDING, "{:e}", difference(&usual[0], &off[0]));
     let usual = render(&scene, Estimator::Lcs, 1.0);
-    let (gain, error) = gain(&usual, &render(&scene, Estimator::Lcs, 1.1));
-    assert!(gain.abs() > threshold(TESTS) * error && error < PRECISE, "{gain:e} +- {error:e}");
+    let (change, error) = relative_change(&usual, &render(&scene, Estimator::Lcs, 1.1));
+    assert!(change.abs() > threshold(TESTS) * error && error < MAX_STANDARD_ERROR, "{change:e} +- {error:e}");
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn every_estimator_and_emitter_at_every_scale_and_place() {
     for estimator in Estimator::ALL {
-        near(&mixed(), "mixed", estimator, &PLACES);
-        near(&mixed_in_fog(), "mixed, in fog", estimator, &PLACES);
-        near(&zoo(Light::Area), "area light", estimator, &PLACES);
-        near(&zoo(Light::Punctual), "point and spot", estimator, &PLACES);
+        assert_same_image_at(&mixed(), "mixed", estimator, &PLACES);
+        assert_same_image_at(&mixed_in_fog(), "mixed, in fog", estimator, &PLACES);
+        assert_same_image_at(&zoo(Light::Area), "area light", estimator, &PLACES);
+        assert_same_image_at(&zoo(Light::Punctual), "point and spot", estimator, &PLACES);
         if estimator != Estimator::Pt {
-            near(&zoo(Light::Beam), "beam", estimator, &PLACES);
+            assert_same_image_at(&zoo(Light::Beam), "beam", estimator, &PLACES);
         }
     }
 }

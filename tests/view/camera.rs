@@ -1,4 +1,4 @@
-//! The camera that the page turns is that of the command that it shows.
+//! After the camera was turned on the page, the command on the page has the same camera.
 
 use std::time::Duration;
 
@@ -48,7 +48,7 @@ fn the_camera_is_turned_moved_and_reset() {
         page.until(&format!("document.getElementById('look-from').value === '{start}'")).await;
         page.until("!document.getElementById('command').textContent.includes('--look-from')").await;
 
-        // Past 60 degrees of elevation, and as far as it goes, the camera stays level.
+        // Above 60 degrees, and at the largest elevation, the camera does not roll.
         page.drag("#stage", (0, -150), (0, 190)).await;
         page.until(&format!("Math.abs({ELEVATION} - 65.3) < 1")).await;
         tokio::time::sleep(SETTLED).await;

@@ -52,7 +52,7 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
         }
     }
     if kept > 0 {
-        session.progress.line(&format!("{kept} of {count} frames were there already, with the same settings"));
+        session.progress.line(&format!("{kept} of {count} frames exist with the same settings and are kept"));
     }
     pictures::write(sequence, session)?;
     Ok(ExitCode::SUCCESS)
@@ -67,9 +67,9 @@ pub fn with_inputs(settings: &str, identity: &Identity) -> String {
 /// settings or inputs than `identity`, or lacks a layer, or if sums have another identity. Settings that do not affect the image may
 /// differ.
 pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
-    let other = |path: &Path, how: &str| {
-        let message = format!("is there already, but {how}; remove it, or choose another name");
-        Err(Error::File { path: path.into(), message })
+    let other = |path: &Path, difference: &str| {
+        let message = format!("{} exists, but {difference}; remove it, or choose another name", path.display());
+        Err(Error::settings(message))
     };
     for path in [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists()) {
         let found = settings_of(path).unwrap_or_default();
@@ -78,9 +78,9 @@ pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
             None => (None, &found[..]),
         };
         match identity.difference_to(found) {
-            Some(difference) => return other(path, &format!("not with these settings ({difference})")),
+            Some(difference) => return other(path, &format!("has other settings ({difference})")),
             None if inputs.is_none() => {
-                return other(path, "it was rendered alone, without a fingerprint of its inputs");
+                return other(path, "was rendered alone, without a fingerprint of its inputs");
             }
             None if inputs != Some(identity.inputs()) => return other(path, "its scene or another input has changed"),
             None => {}
@@ -89,17 +89,17 @@ pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
     if let Some(path) = outputs.exr.as_ref().filter(|path| path.exists())
         && let Some(layer) = missing_layer(path, outputs.aov)
     {
-        return other(path, &format!("without the layer {layer}"));
+        return other(path, &format!("lacks the layer {layer}"));
     }
     if let Some(path) = outputs.acc.as_ref().filter(|path| path.exists()) {
         identity.check_file(path)?;
         if !identity.has_budget_of(path)? {
-            return other(path, "with another --spp or --time");
+            return other(path, "was rendered with another --spp or --time");
         }
         if outputs.aov != Aov::default()
             && let Err(layer) = accumulation::file::read(path)?.layers.keep(outputs.aov)
         {
-            return other(path, &format!("without the layer {layer}"));
+            return other(path, &format!("lacks the layer {layer}"));
         }
     }
     Ok(outputs.files().iter().all(|path| path.exists() || Some(path) == outputs.png.as_ref()))

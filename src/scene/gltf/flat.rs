@@ -4,21 +4,21 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use crate::scene::Mesh;
 
-/// A mesh is flat if its thickness is at most this fraction of its largest coordinate: rounding of the coordinates explains it.
+/// A mesh is flat if its thickness is at most this fraction of its largest coordinate: a thickness below this can be rounding.
 const FLAT: f64 = 1e-6;
-/// Smallest area, relative to the longest axis of the transform, of the parallelogram to which the transform flattens a cube.
+/// Smallest area of the largest parallelogram that two axes of the transform span, divided by the square of its longest axis.
 const MIN_AREA: f64 = 1e-6;
 
-/// A transform with an inverse that moves the points of `mesh` as `transform` does, which flattens space. `None` if there is no such
-/// transform: the mesh is not flat in the direction that is lost, or `transform` flattens space to a line.
+/// `transform` flattens space. Returns an invertible transform that moves all points of `mesh` to the same places. `None` if there is
+/// none: the mesh is not flat in the direction that is lost, or `transform` flattens space to a line.
 ///
 /// Any scale may replace the 0 in the lost direction, because all points of the mesh have the same coordinate there.
 pub fn invertible(transform: &DAffine3, mesh: &Mesh) -> Option<DAffine3> {
     let matrix = transform.matrix3;
     let size = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
     let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis / size);
-    // Of a matrix that only loses the direction `lost`, the matrix of cofactors is a positive number times `normal * lost^T`. Here,
-    // `normal` is the normal of the plane that remains. With this sign, the result mirrors nothing.
+    // If a matrix loses only the direction `lost`, its cofactor matrix is c * normal * lost^T with c > 0. Here, `normal` is the normal
+    // of the plane that remains. With this sign, the result mirrors nothing.
     let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
     let longest = [cofactors.x_axis, cofactors.y_axis, cofactors.z_axis]
         .into_iter()
