@@ -69,7 +69,9 @@ pub fn check_pictures(sequence: &Sequence, experiment: &Experiment) -> Result<()
     let pictures: Vec<PathBuf> = sequence.contact_sheet.iter().chain(&sequence.gif).cloned().collect();
     pictures.iter().try_for_each(|path| check_writable(path))?;
     for frame in sequence.frames().filter(|_| !pictures.is_empty()) {
-        let files = resolve::outputs(&sequence.frame(frame))?.files();
+        // The gate does not name pictures, and its tables need not be read for every frame.
+        let without_gate = Experiment { gate: Default::default(), ..sequence.frame(frame) };
+        let files = resolve::outputs(&without_gate)?.files();
         if let Some(path) = pictures.iter().find(|picture| files.iter().any(|file| lies_in(picture, file))) {
             let message = format!("is a file of frame {frame}; choose another name");
             return Err(Error::File { path: path.clone(), message });
