@@ -75,8 +75,10 @@ impl Image {
                 png_file::write(path, film.width(), film.height(), &mean, factor)?;
             }
             "npy" => {
-                npy_file::write_means(path, film, responses)?;
+                let stale = npy_file::stale_arrays(path);
                 npy_file::write_description(&npy_file::description_path(path), film, responses, provenance)?;
+                npy_file::write_means(path, film, responses)?;
+                npy_file::remove_stale(&stale)?;
                 if let Some((images, frequencies)) = responses.zip(self.responses.frequencies()) {
                     npy_file::write_depths(&npy_file::depth_path(path), film, images, frequencies)?;
                 }

@@ -29,21 +29,27 @@ pub fn experiment(path: &Path, about: &About) -> Result<Experiment> {
         .map_err(|e| Error::File { path: path.into(), message: format!("its settings cannot be read: {e}") })
 }
 
-/// The responses of the sums in the file `path`, from the settings in it. Fails if the number of responses differs from that of the
-/// sums: then a file of `--response` has changed since the render.
-pub fn responses(path: &Path, about: &About) -> Result<Responses> {
+/// The responses of the sums in the file `path`, from the settings in it, and a warning if it is not known whether they are the
+/// responses of the render. Fails if a file of `--response` has changed since the render.
+pub fn responses(path: &Path, about: &About) -> Result<(Responses, Option<String>)> {
+    let fail = |message: String| Error::File { path: path.into(), message };
     let responses = chosen(&experiment(path, about)?.gate)?;
-    match responses.len() == about.responses.len() {
-        true => Ok(responses),
-        false => Err(Error::File {
-            path: path.into(),
-            message: format!(
-                "has sums of {} gates, but its settings name {}; restore the files of --response",
-                about.responses.len(),
-                responses.len()
-            ),
-        }),
+    if responses.len() != about.responses.len() {
+        return Err(fail(format!(
+            "has sums of {} gates, but its settings name {}; restore the files of --response",
+            about.responses.len(),
+            responses.len()
+        )));
     }
+    let warning = about.check_tables(&responses).map_err(|error| fail(error.to_string()))?;
+    Ok((responses, warning.map(|warning| format!("warning: {}: {warning}", path.display()))))
+}
+
+/// As [`responses`], but prints the warning.
+fn responses_for_reading(path: &Path, about: &About) -> Result<Responses> {
+    let (responses, warning) = responses(path, about)?;
+    warning.iter().for_each(|warning| super::say(warning));
+    Ok(responses)
 }
 
 /// The image of a single response.
@@ -55,7 +61,7 @@ pub fn picture(path: &Path) -> Result<Picture> {
         return Err(Error::File { path: path.into(), message });
     }
     // The gate without its edges, as EXR files have it.
-    let gate = responses(path, &about)?.iter().next().map_or(Gate::OPEN, Response::gate);
+    let gate = responses_for_reading(path, &about)?.iter().next().map_or(Gate::OPEN, Response::gate);
     Ok(Picture {
         width: film.width(),
         height: film.height(),
@@ -81,5 +87,5 @@ pub fn array(path: &Path) -> Result<(ImageArray, Vec<DescribedResponse>)> {
             ImageArray { width, height, responses: Some(all.responses()), values }
         }
     };
-    Ok((array, responses(path, &about)?.iter().map(DescribedResponse::of).collect()))
+    Ok((array, responses_for_reading(path, &about)?.iter().map(DescribedResponse::of).collect()))
 }

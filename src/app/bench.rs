@@ -1,5 +1,6 @@
 //! `taugate bench`: renders the scenes and variants of a suite in turns, and compares them with references.
 
+mod kept;
 mod references;
 mod shown;
 
@@ -130,7 +131,7 @@ impl Bench {
         stop: &AtomicBool,
         progress: &mut Progress,
     ) -> anyhow::Result<ExitCode> {
-        let mut rows = self.kept(args.resume, progress)?;
+        let mut rows = self.kept(args.resume, device, progress)?;
         self.check_references()?;
         self.check_gates(&rows)?;
         make_folder(&self.out.join("images"))?;
@@ -206,45 +207,6 @@ impl Bench {
         row.repetition < self.suite.repetitions && self.present.iter().any(|(at, _)| self.scene(*at).name == row.scene)
     }
 
-    /// Rows of an earlier run that are still valid: their settings, time and renderer are the same. Keeps all rows of scenes that
-    /// this run leaves out.
-    fn kept(&self, resume: bool, progress: &Progress) -> Result<Vec<Row>> {
-        let path = self.results();
-        if !path.exists() {
-            return Ok(vec![]);
-        }
-        if !resume {
-            let message = "has the results of an earlier run; add --resume to continue, or choose another --out".into();
-            return Err(Error::File { path, message });
-        }
-        let mut rows = table::read(&path)?;
-        let known = |row: &Row| {
-            let present = self.present.iter().find(|(at, _)| self.scene(*at).name == row.scene);
-            present.is_none_or(|(_, entries)| {
-                entries.iter().any(|e| e.variant == row.variant && self.fingerprint(e) == row.fingerprint)
-            })
-        };
-        let all = rows.len();
-        rows.retain(known);
-        if rows.len() < all {
-            let old = unused(|n| path.with_file_name(format!("results.old{n}.csv")));
-            std::fs::copy(&path, &old).map_err(|e| Error::File { path: old.clone(), message: e.to_string() })?;
-            progress.line(&format!(
-                "note: {} of {all} rows of {} are by another version of the renderer, or for other settings or times, and are ignored; \
-                 {} keeps them",
-                all - rows.len(),
-                path.display(),
-                old.display()
-            ));
-        }
-        Ok(rows)
-    }
-
-    /// Identifies the scene, the settings, the renderer and the time per render.
-    fn fingerprint(&self, entry: &Entry) -> String {
-        format!("{}-{}s", entry.fingerprint, self.suite.seconds)
-    }
-
     /// Repetitions in which a row is missing for at least one entry.
     fn missing(&self, rows: &[Row], at: usize, entries: &[Entry]) -> Vec<u32> {
         let scene = &self.scene(at).name;
@@ -314,7 +276,7 @@ impl Bench {
                 self.keep_images(&job, &race)?;
             }
             for row in &mut new {
-                row.fingerprint = format!("{}-{}s", row.fingerprint, self.suite.seconds);
+                row.fingerprint = self.fingerprint(&row.fingerprint, device);
             }
             rows.retain(|row| row.scene != scene.name || row.repetition != repetition);
             rows.extend(new);
@@ -361,13 +323,14 @@ impl Bench {
         };
         let path = report::write(&self.out, &page)?;
         progress.finish();
+        if args.quiet {
+            return Ok(());
+        }
         for (scene, _) in &scenes {
             super::print(&text(scene, &summary::lines(rows, scene)))?;
         }
         super::print(&growth::section(&growth::growth(&self.suite, rows)))?;
-        if !args.quiet {
-            progress.line(&format!("{}, {}", path.display(), self.results().display()));
-        }
+        progress.line(&format!("{}, {}", path.display(), self.results().display()));
         Ok(())
     }
 }
@@ -402,12 +365,6 @@ fn choose(suite: &mut Suite, names: &[String]) -> Result<()> {
     }
     suite.scenes.retain(|scene| names.is_empty() || names.contains(&scene.name));
     Ok(())
-}
-
-/// The first path without a file among those with "", "2", "3" and so on in their names.
-fn unused(path: impl Fn(&str) -> PathBuf) -> PathBuf {
-    let mut paths = std::iter::once(path("")).chain((2..).map(|n: u32| path(&n.to_string())));
-    paths.find(|path| !path.exists()).expect("there are many numbers")
 }
 
 fn make_folder(path: &Path) -> Result<()> {

@@ -188,7 +188,7 @@ pub struct CompareArgs {
     #[arg(value_name = "REF")]
     pub reference: PathBuf,
 
-    /// Exit with 1 if relMSE is above this
+    /// Exit with 1 if relMSE is above this, or if there is light in gates that are dark in the reference
     #[arg(long, value_name = "X", help_heading = "Output")]
     pub max_relmse: Option<f64>,
 

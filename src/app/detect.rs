@@ -8,19 +8,23 @@ use serde_json::{Value, json};
 use taugate::Error;
 use taugate::internals::detector::{Bins, Blind, Detector};
 use taugate::internals::files::{check_writable, write_atomically};
+use taugate::internals::image::accumulation::file::read_about;
 use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::image::exr_header::read_corner;
 use taugate::internals::image::exr_responses;
-use taugate::internals::image::npy_file::{description_path, paths_beside, write_new_array};
-use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
+use taugate::internals::image::npy_file::{COUNTS, description_path, paths_beside, write_new_array};
+use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, is_counts, read};
 use taugate::internals::settings::units::Gate;
 
-use super::accumulated;
+use super::{accumulated, memory};
 use crate::app::cli::DetectArgs;
 
 /// The radiance that the detector sees.
 struct Input {
     array: ImageArray,
     bins: Bins,
+    /// Column and row of the first pixel in the whole image, if they are known.
+    corner: Option<[i64; 2]>,
     /// The description of the radiance: the JSON file beside an array, or the gates of an image or of sums.
     description: Value,
 }
@@ -44,8 +48,17 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
             Error::settings(format!("{} would replace the light; choose another name", args.output.display())).into()
         );
     }
+    let free = memory::free();
+    check_readable_in(free, &args.input)?;
     let input = input(&args.input)?;
-    let background = background(args.background.as_deref(), &input.array)?;
+    let background = background(args.background.as_deref(), &input)?;
+    let values = input.array.width * input.array.height * input.array.images() * channels(args);
+    memory::check_bytes(
+        bytes_of(values) + bytes_of(input.array.values.len()),
+        free,
+        "the light with its counts",
+        REMEDY,
+    )?;
     let counts = counts(args, &detector, &input, &background)?;
     if counts.iter().any(|count| !count.is_finite()) {
         return Err(Error::settings(
@@ -96,12 +109,36 @@ fn detector(args: &DetectArgs) -> Result<Detector, Error> {
     })
 }
 
+/// How the user can need less memory.
+const REMEDY: &str = "render fewer gates, or a --crop";
+
+/// Bytes of `values` numbers of 32 bits.
+fn bytes_of(values: usize) -> u64 {
+    4 * values as u64
+}
+
+/// Fails if the light in the file needs more memory than is `free`.
+fn check_readable_in(free: Option<u64>, path: &Path) -> Result<(), Error> {
+    let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    let needed = match () {
+        // The bytes of the file, and the numbers in them.
+        () if has_extension(path, "npy") => 2 * length,
+        // The sums, and the means of 32 bits.
+        () if accumulated::is_sums(path) => length + length / 2,
+        () => return Ok(()),
+    };
+    memory::check_bytes(needed, free, &format!("the light in {}", path.display()), REMEDY)
+}
+
 fn input(path: &Path) -> Result<Input, Error> {
     let fail = |message: &str| Error::File { path: path.into(), message: message.into() };
     let (array, gates) = if has_extension(path, "exr") {
         let (array, gates) = exr_responses::read(path)?;
         (array, gates.ok_or_else(|| fail("names no gate; give an image that taugate rendered with --gate"))?)
     } else if has_extension(path, "npy") {
+        if is_counts(path) {
+            return Err(fail("holds counts of a detector, not light; give the light"));
+        }
         let array = read(path)?;
         let gates = described(path, &array)
             .ok_or_else(|| fail("comes without the JSON file that names its gates; keep that file beside the array"))?;
@@ -123,7 +160,20 @@ fn input(path: &Path) -> Result<Input, Error> {
     let beside = || serde_json::from_slice(&std::fs::read(description_path(path)).ok()?).ok();
     let of_file = if has_extension(path, "npy") { beside().filter(Value::is_object) } else { None };
     let description = of_file.unwrap_or_else(|| description(&array, &gates));
-    Ok(Input { array, bins, description })
+    let corner = corner(path, &description)?;
+    Ok(Input { array, bins, corner, description })
+}
+
+/// Column and row of the first pixel in the whole image, if they are known. `description` is that of the file.
+fn corner(path: &Path, description: &Value) -> Result<Option<[i64; 2]>, Error> {
+    if has_extension(path, "exr") {
+        return Ok(read_corner(path).map(|corner| corner.map(i64::from)));
+    }
+    if accumulated::is_sums(path) {
+        let [x0, _, y0, _] = read_about(path)?.crop;
+        return Ok(Some([x0, y0].map(i64::from)));
+    }
+    Ok(description["crop"][0].as_i64().zip(description["crop"][2].as_i64()).map(<[i64; 2]>::from))
 }
 
 /// Describes the gates with the names that the JSON file beside an array has.
@@ -146,7 +196,7 @@ fn description(array: &ImageArray, gates: &[DescribedResponse]) -> Value {
 }
 
 /// R, G, B of the background per pixel: a number, or an image of a render without a gate.
-fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, Error> {
+fn background(text: Option<&str>, Input { array, corner, .. }: &Input) -> Result<Vec<[f32; 3]>, Error> {
     let pixels = array.width * array.height;
     let Some(text) = text else { return Ok(vec![[0.0; 3]; pixels]) };
     let path = Path::new(text);
@@ -168,6 +218,16 @@ fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, E
         return Err(fail(format!(
             "is {}x{}, but the light is {}x{}; render the background with the same --resolution and --crop",
             picture.width, picture.height, array.width, array.height
+        )));
+    }
+    // An image of another program may show the same part of the scene without saying so.
+    if let (Some(_), Some([x, y])) = (&picture.renderer, *corner)
+        && picture.corner.map(i64::from) != [x, y]
+    {
+        let [column, row] = picture.corner;
+        return Err(fail(format!(
+            "begins at column {column}, row {row} of the whole image, but the light at column {x}, row {y}; render the background with \
+             the same --crop"
         )));
     }
     if let Some([lo, hi]) = picture.gate
@@ -208,27 +268,27 @@ fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[
         (0..channels).map(of_channel).sum::<Result<f64, Error>>()
     };
     Detector::check_draws(pixels.clone().into_par_iter().map(draws_of).sum::<Result<f64, Error>>()?)?;
-    let of_pixel = |pixel: usize| {
-        let mut counts = vec![0.0; array.images() * channels];
+    let count_pixel = |(pixel, counts_of_pixel): (usize, &mut [f32])| {
         for channel in 0..channels {
             let means = means_of(pixel, channel);
             // A seed per pixel and channel: counts do not depend on the order of the work.
             let seed = (u64::from(args.seed) << 32) ^ (3 * pixel + channel) as u64;
             let steady = detector.steady_means(of_channel(&background[pixel], channel), bins);
             for (k, count) in detector.counts(&means, &steady, bins, seed).into_iter().enumerate() {
-                counts[k * channels + channel] = count as f32;
+                counts_of_pixel[k * channels + channel] = count as f32;
             }
         }
-        counts
     };
-    let all: Vec<Vec<f32>> = pixels.into_par_iter().map(of_pixel).collect();
-    Ok(all.concat())
+    let per_pixel = array.images() * channels;
+    let mut counts = vec![0.0; pixels.len() * per_pixel];
+    counts.par_chunks_mut(per_pixel).enumerate().for_each(count_pixel);
+    Ok(counts)
 }
 
 /// The description of the counts: the description of the radiance, with the detector added.
 fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
     let mut description = input.description.clone();
-    description["unit"] = "counts over all pulses".into();
+    description["unit"] = COUNTS.into();
     description["shape"] = shape.into();
     description["detector"] = json!({
         "light": args.input.display().to_string(),

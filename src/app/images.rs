@@ -28,10 +28,14 @@ impl Images<'_> {
             rescue.write(path, |path| exr_file::write_responses(path, film, responses, provenance, layers));
         }
         if let Some(path) = &outputs.npy {
-            rescue.write(path, |path| npy_file::write_means(path, film, responses));
+            let stale = npy_file::stale_arrays(path);
+            // The description comes first. An array without one would look like an array of another program.
             rescue.write(&npy_file::description_path(path), |path| {
                 npy_file::write_description(path, film, responses, provenance)
             });
+            if rescue.write(path, |path| npy_file::write_means(path, film, responses)) {
+                rescue.check(npy_file::remove_stale(&stale));
+            }
             if let Some((images, frequencies)) = responses.zip(provenance.responses.frequencies()) {
                 rescue
                     .write(&npy_file::depth_path(path), |path| npy_file::write_depths(path, film, images, frequencies));

@@ -272,11 +272,15 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         Some((part, prepared)) => Some((part, prepared)),
         None => (!prepared.has_distant()).then_some((part, &prepared)),
     };
-    let measure = |(part, prepared): (&Settings, &PreparedScene)| {
-        let device = opened.as_ref().map_err(|e| e.to_string())?;
-        probe(device, scene, part, prepared).map_err(|e| e.to_string())
+    let times = match (timed, &opened) {
+        (None, _) => None,
+        (Some(_), Err(error)) => Some(Err(error.to_string())),
+        (Some((part, prepared)), Ok(device)) => match probe(device, scene, part, prepared) {
+            // The plot needs the travel times.
+            Err(error) if args.plot.is_some() => return Err(error.into()),
+            times => Some(times.map_err(|e| e.to_string())),
+        },
     };
-    let times = timed.map(measure);
     let light = match &times {
         Some(Ok(times)) => light(times, scene),
         _ => None,

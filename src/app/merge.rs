@@ -21,7 +21,7 @@ use super::cli::DevelopedFiles;
 use super::images::Images;
 use super::progress::duration;
 use super::render::check_inputs;
-use super::report::BLACK;
+use super::report::{BLACK, dropped};
 use super::rescue::Rescue;
 
 /// Joins the sums `parts` and writes the files.
@@ -29,7 +29,7 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
     let order = order(parts)?;
     let (path, first) = &order[0];
     let outputs = outputs(files, &accumulated::experiment(path, first)?)?;
-    let responses = accumulated::responses(path, first)?;
+    let (responses, doubt) = accumulated::responses(path, first)?;
     check_outputs(&outputs, parts)?;
     // The parts may have been rendered from copies of one scene.
     for (path, about) in &order {
@@ -60,6 +60,7 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
     }
     rescue.finish()?;
     if !quiet {
+        doubt.iter().for_each(|warning| super::say(warning));
         warnings(&sums).iter().for_each(|warning| super::say(&format!("warning: {warning}")));
         super::say(&summary(&sums, &outputs));
         images.describe_exposure(&outputs).iter().for_each(|line| super::say(line));
@@ -158,10 +159,11 @@ fn provenance(about: &About, responses: Responses) -> Provenance {
     }
 }
 
-/// Sentences about parts that are missing, and about an image without light.
+/// Sentences about parts that are missing, about samples that were not finite, and about an image without light.
 fn warnings(sums: &Accumulation) -> Vec<String> {
     let is_black = sums.film.mean().iter().all(|&x| x == 0.0);
-    missing_parts(&sums.about).into_iter().chain(is_black.then(|| BLACK.into())).collect()
+    let about = &sums.about;
+    missing_parts(about).into_iter().chain(dropped(about.dropped)).chain(is_black.then(|| BLACK.into())).collect()
 }
 
 fn missing_parts(about: &About) -> Option<String> {

@@ -1,5 +1,6 @@
 //! `taugate render`: from the command line to the files.
 
+mod errors;
 mod iterations;
 mod outputs;
 mod print;
@@ -35,22 +36,17 @@ use taugate::internals::tev::TevStream;
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::live::Live;
 use super::preparation::Preparation;
-use super::progress::Progress;
+use super::progress::{Before, Progress};
 use super::report::Report;
 use super::{feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
+pub use errors::NotFinite;
+use errors::{after, of_file};
 use iterations::{Done, Iterations};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
 use ready::Ready;
-use sums::{Checkpoint, Earlier, Identity};
-
-/// The error for non-finite samples with --strict.
-#[derive(Debug, thiserror::Error)]
-#[error("{dropped} samples were not finite, so --strict wrote no image; without --strict they count as 0")]
-pub struct NotFinite {
-    dropped: u64,
-}
+use sums::{Checkpoint, Earlier, Identity, empty_shard};
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
@@ -164,6 +160,7 @@ impl Session {
             Some(earlier) => earlier.shard(experiment.output.shard)?,
             None => experiment.output.shard.unwrap_or(Shard::ALL),
         };
+        resolve::check_shard(shard, &outputs)?;
         let identity = match self.is_sequence || outputs.sums().next().is_some() || earlier.is_some() {
             true => Some(Identity::new(config.clone(), settings, shard)?),
             false => None,
@@ -191,7 +188,8 @@ impl Session {
         }
 
         // Prepare the device. The renderer of the previous frame also renders this frame if only cameras, lights or gates moved.
-        notes.iter().for_each(|note| self.say(format!("note: {note}")));
+        let without_work = empty_shard(shard, &settings.budget());
+        notes.iter().chain(&without_work).for_each(|note| self.say(format!("note: {note}")));
         for warning in scene.warnings.iter().chain(&resolved.warnings) {
             self.say(format!("warning: {warning}"));
         }
@@ -210,7 +208,7 @@ impl Session {
         let Ready { renderer, scene, warnings: of_surfaces, .. } = &mut ready;
 
         // Render.
-        let before = earlier.as_ref().map_or(0.0, |earlier| earlier.sums.about.seconds);
+        let before = earlier.as_ref().map_or(Before::default(), Earlier::work);
         if let Some(mut earlier) = earlier {
             layers.add_missing(take(&mut earlier.sums.layers));
             self.progress.line(&earlier.describe());
@@ -244,7 +242,7 @@ impl Session {
             return Err(failure.into());
         }
         let elapsed = rendering.elapsed();
-        let seconds = before + elapsed.as_secs_f64();
+        let seconds = before.seconds + elapsed.as_secs_f64();
         let interrupted = stop.load(Ordering::Relaxed) || failure.is_some();
         if interrupted && (self.is_sequence || renderer.film().samples() == 0) {
             self.progress.line(match self.is_sequence {
@@ -267,6 +265,7 @@ impl Session {
             settings,
             provenance: &provenance,
             seconds: elapsed.as_secs_f64(),
+            before,
             layers: &layers,
             preparation: &preparation,
             warnings: &warnings,
@@ -357,22 +356,6 @@ impl Session {
         // The next frame of a sequence may reuse the prepared scene.
         let prepared = self.is_sequence.then_some(prepared);
         Ok((Ready { renderer, scene, settings: settings.clone(), prepared, warnings }, layers))
-    }
-}
-
-/// Adds to an error of the device that the files hold `what`, which was rendered before the error.
-fn after(failure: Error, what: &str) -> Error {
-    match failure {
-        Error::Device(message) => Error::Device(format!("{message}; the files hold {what}")),
-        other => other,
-    }
-}
-
-/// Names the scene's file in an error of the settings, because the scene may be the cause.
-fn of_file(error: Error, scene: &Path) -> Error {
-    match error {
-        Error::Settings(message) => Error::Scene { path: scene.into(), message },
-        other => other,
     }
 }
 

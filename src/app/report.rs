@@ -21,6 +21,11 @@ use super::rescue::Rescue;
 pub const BLACK: &str = "the image is black; taugate info lists the emitters, the times at which light arrives, and surfaces that are \
                          black from behind";
 
+/// A warning if samples were not finite.
+pub fn dropped(samples: u64) -> Option<String> {
+    (samples > 0).then(|| format!("{samples} samples were not finite and count as 0"))
+}
+
 /// A finished render.
 pub struct Report<'a> {
     pub renderer: &'a Renderer,
@@ -28,6 +33,8 @@ pub struct Report<'a> {
     pub provenance: &'a Provenance,
     /// Seconds of the iterations of this process. [`Provenance::seconds`] also counts earlier processes.
     pub seconds: f64,
+    /// Work of earlier processes, which is in the image.
+    pub before: Before,
     /// Auxiliary layers of the image file.
     pub layers: &'a Layers,
     pub preparation: &'a Preparation,
@@ -47,10 +54,13 @@ struct Numbers<'a> {
     min_samples_per_pixel: u64,
     max_samples_per_pixel: u64,
     iterations: u32,
+    /// The part of the samples per pixel that earlier processes rendered, and their seconds; 0 unless the render goes on from a file.
+    earlier_samples_per_pixel: u64,
+    earlier_seconds: f64,
     /// Seconds from the loading of the scene to the first iteration, and their stages.
     prepare_seconds: f64,
     prepare_stages: Vec<Stage>,
-    /// Seconds of all iterations, and their stages. The last stage is the rest of the time.
+    /// Seconds of all iterations of this process, and their stages. The last stage is the rest of the time.
     render_seconds: f64,
     stages: Vec<Stage>,
     rays_per_second: f64,
@@ -59,7 +69,7 @@ struct Numbers<'a> {
     image_mean_standard_error: Option<f64>,
     /// How often the host waited for the device during iterations.
     waits: u64,
-    /// Non-finite samples, which count as 0.
+    /// Non-finite samples of all processes, which count as 0.
     samples_dropped: u64,
     /// Fraction of the attempted connections that pass the tests of gate, facing and depth; null if none was attempted.
     connections_inside_gate: Option<f64>,
@@ -72,7 +82,7 @@ struct Numbers<'a> {
 
 impl Report<'_> {
     fn position(&self) -> Position {
-        Position::of(self.renderer, Duration::from_secs_f64(self.seconds), Before::default())
+        Position::of(self.renderer, Duration::from_secs_f64(self.seconds), self.before)
     }
 
     fn images(&self) -> Images<'_> {
@@ -108,6 +118,8 @@ impl Report<'_> {
             min_samples_per_pixel,
             max_samples_per_pixel,
             iterations: film.iterations(),
+            earlier_samples_per_pixel: self.before.samples,
+            earlier_seconds: self.before.seconds,
             prepare_seconds: self.preparation.seconds(),
             prepare_stages: self.preparation.stages(stats),
             render_seconds: self.seconds,
@@ -116,7 +128,7 @@ impl Report<'_> {
             image_mean,
             image_mean_standard_error,
             waits: stats.waits,
-            samples_dropped: stats.dropped,
+            samples_dropped: self.renderer.dropped(),
             connections_inside_gate: stats.live_share(),
             inside_gate_per_sample: stats.inside_gate_per_sample(),
             warnings: self.warnings,
@@ -128,14 +140,15 @@ impl Report<'_> {
     /// Prints warnings about the image, then what was rendered, its mean and the standard error of the mean.
     pub fn summarise(&self, outputs: &Outputs, progress: &Progress) {
         let (film, stats) = (self.renderer.film(), self.renderer.stats());
-        if stats.dropped > 0 {
-            progress.line(&format!("warning: {} samples were not finite and count as 0", stats.dropped));
+        if let Some(warning) = dropped(self.renderer.dropped()) {
+            progress.line(&format!("warning: {warning}"));
         }
         // The one at the start may be out of sight.
         if let Some(warning) = self.gate_warning {
             progress.line(&format!("warning: {warning}"));
         }
-        if self.renderer.is_black() {
+        // Without a sample there is nothing to explain.
+        if film.samples() > 0 && self.renderer.is_black() {
             progress.line(&format!("warning: {BLACK}"));
         }
         let spread = match self.renderer.samples_in_pixels() {
@@ -168,7 +181,7 @@ impl Report<'_> {
             "mean {mean:.6e} {error}; connections inside the gate: {share}; contributions per sample: {:.4}; non-finite \
              samples dropped: {}",
             stats.inside_gate_per_sample(),
-            stats.dropped
+            self.renderer.dropped()
         ));
     }
 }

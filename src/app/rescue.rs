@@ -14,27 +14,38 @@ use taugate::internals::error::Result;
 pub struct Rescue {
     /// The error of the first of these files.
     first: Option<Error>,
-    /// The new folder, as soon as a file is saved in it.
+    /// The latest new folder, as soon as a file is saved in it.
     folder: Option<PathBuf>,
     saved: Vec<PathBuf>,
     lost: Vec<PathBuf>,
 }
 
 impl Rescue {
-    /// Calls `write` with `path`. If that fails, calls it with a file of the same name in a new folder.
-    pub fn write(&mut self, path: &Path, write: impl Fn(&Path) -> Result<()>) {
-        let Err(error) = write(path) else { return };
+    /// Calls `write` with `path`. If that fails, calls it with a file of the same name in a new folder. Returns whether `path` was
+    /// written.
+    pub fn write(&mut self, path: &Path, write: impl Fn(&Path) -> Result<()>) -> bool {
+        let Err(error) = write(path) else { return true };
         self.first.get_or_insert(error);
         match self.save(Path::new(path.file_name().unwrap_or_default()), write) {
             Some(saved) => self.saved.push(saved),
             None => self.lost.push(path.into()),
         }
+        false
+    }
+
+    /// Remembers the error of a step that saves nothing.
+    pub fn check(&mut self, result: Result<()>) {
+        if let Err(error) = result {
+            self.first.get_or_insert(error);
+        }
     }
 
     /// Writes the file `name` into a new folder inside the system's folder for temporary files, or else inside the current one.
-    /// Returns its path, or `None` if both fail. The folder is new, so no file of the user is overwritten.
+    /// Returns its path, or `None` if both fail. The folder is new, so no file of the user is overwritten. Two files of one name get
+    /// two folders.
     fn save(&mut self, name: &Path, write: impl Fn(&Path) -> Result<()>) -> Option<PathBuf> {
-        let known = self.folder.iter().map(|folder| folder.join(name)).find(|path| write(path).is_ok());
+        let mut known = self.folder.iter().map(|folder| folder.join(name));
+        let known = known.find(|path| !path.exists() && write(path).is_ok());
         known.or_else(|| {
             [Some(env::temp_dir()), env::current_dir().ok()].into_iter().flatten().find_map(|place| {
                 let folder = tempfile::Builder::new().prefix("taugate-").tempdir_in(place).ok()?;
@@ -85,6 +96,15 @@ mod tests {
         assert_eq!(fs::read(&saved[0]).unwrap(), b"light");
         assert!(message.contains("does not exist") && message.ends_with(&saved[0].display().to_string()), "{message}");
         fs::remove_dir_all(saved[0].parent().unwrap()).unwrap();
+
+        // A second file of the same name does not replace the first one.
+        let mut rescue = Rescue::default();
+        for (folder, text) in [("gone", "light"), ("away", "depth")] {
+            let path = here.path().join(folder).join("out.png");
+            rescue.write(&path, |path| write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes())));
+        }
+        assert_eq!(rescue.saved.iter().map(|path| fs::read(path).unwrap()).collect::<Vec<_>>(), [b"light", b"depth"]);
+        rescue.saved.iter().for_each(|path| fs::remove_dir_all(path.parent().unwrap()).unwrap());
 
         let mut rescue = Rescue::default();
         rescue.write(&good, |path| write_atomically(path, |_| Err(ErrorKind::FileTooLarge.into())));

@@ -19,7 +19,7 @@ use crate::files::{read_error, write_atomically};
 /// * `triangles`: triangles of all instances.
 /// * `gate_m`: width of the gate in metres, `inf` without a gate.
 /// * `us_per_sample`: microseconds per pixel sample.
-/// * `fingerprint`: hash of scene, settings, time and renderer.
+/// * `fingerprint`: hash of scene, settings and renderer, the time, and a hash of the device.
 ///
 /// relMSE and FLIP are NaN if only costs are measured.
 pub const COLUMNS: [&str; 22] = [
@@ -74,7 +74,7 @@ pub struct Row {
     pub pixels: u64,
     pub gate_m: f64,
     pub us_per_sample: f64,
-    /// Hash of scene, settings, time and renderer.
+    /// Hash of scene, settings and renderer, the time, and a hash of the device.
     pub fingerprint: String,
 }
 

@@ -21,6 +21,9 @@ pub struct HistogramComparison {
     pub ratio_of_means: f64,
     /// Number of gates that are compared, at least 1.
     pub compared: usize,
+    /// Number of gates that are too dark in the reference to be compared, where the image has more light than the reference, by at
+    /// least [`MIN_LIGHT`] of the brightest gate.
+    pub lit_dark_gates: usize,
     /// The comparison of each gate; `None` for gates that are darker than [`MIN_LIGHT`].
     pub gates: Vec<Option<Comparison>>,
 }
@@ -43,17 +46,20 @@ impl HistogramComparison {
             ));
         }
         let is_compared = |k: &usize| light[*k] >= MIN_LIGHT * brightest;
+        let found: Vec<f64> = (0..gates).map(|k| sum(&image(k))).collect();
+        let is_lit = |k: &usize| !is_compared(k) && found[*k] - light[*k] >= MIN_LIGHT * brightest;
+        let lit_dark_gates = (0..gates).filter(is_lit).count();
         let gates: Vec<Option<Comparison>> = (0..gates)
             .map(|k| Some(k).filter(is_compared).map(|k| compare(&image(k), &reference(k))).transpose())
             .collect::<Result<_>>()?;
         let compared: Vec<&Comparison> = gates.iter().flatten().collect();
         let mean = |of: fn(&Comparison) -> f64| compared.iter().map(|c| of(c)).sum::<f64>() / compared.len() as f64;
-        let all: f64 = (0..gates.len()).map(|k| sum(&image(k))).sum();
         Ok(HistogramComparison {
             relmse: mean(|c| c.relmse),
             trimmed_relmse: mean(|c| c.trimmed_relmse),
-            ratio_of_means: all / light.iter().sum::<f64>(),
+            ratio_of_means: found.iter().sum::<f64>() / light.iter().sum::<f64>(),
             compared: compared.len(),
+            lit_dark_gates,
             gates,
         })
     }
@@ -69,7 +75,11 @@ mod tests {
         let image = [[1000.0, 3000.0], [2.0, 3.0], [9.0, 9.0]];
         let c = HistogramComparison::of(3, |k| image[k].to_vec(), |k| reference[k].to_vec()).unwrap();
         // The last gate has 1 / 8000 of the light of the first one. The second gate is that of the test `by_hand` of `metrics`.
-        assert_eq!((c.compared, c.gates[2]), (2, None));
+        assert_eq!((c.compared, c.gates[2], c.lit_dark_gates), (2, None, 1));
+        // The same gate without light that the reference lacks.
+        let right = [image[0], image[1], [1.0, 1.0]];
+        let of_right = HistogramComparison::of(3, |k| right[k].to_vec(), |k| reference[k].to_vec()).unwrap();
+        assert_eq!((of_right.compared, of_right.lit_dark_gates), (2, 0));
         assert!((c.relmse - 0.5 * (0.5 / 1.0004)).abs() < 1e-12, "{c:?}");
         assert!((c.ratio_of_means - 4023.0 / 4004.5).abs() < 1e-12, "{c:?}");
         let black = HistogramComparison::of(1, |_| vec![1.0; 3], |_| vec![0.0; 3]).unwrap_err().to_string();

@@ -20,8 +20,8 @@ use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::Layers;
 use crate::image::response_film::ResponseFilm;
-use crate::settings::Settings;
 use crate::settings::shard::Shard;
+use crate::settings::{Responses, Settings};
 
 pub use iterations::Iterations;
 
@@ -73,8 +73,14 @@ pub struct About {
     pub crop: [u32; 4],
     /// Names of the responses along the axis T of the arrays.
     pub responses: Vec<String>,
+    /// Fingerprints of the weights of the responses that are tables, by the name of the response. Files of earlier versions have none.
+    #[serde(default)]
+    pub tables: BTreeMap<String, String>,
     pub seed: u32,
     pub samples_per_pixel: u64,
+    /// Samples that were not finite. They count as 0. Files of earlier versions do not have this number.
+    #[serde(default)]
+    pub dropped: u64,
     /// Seconds of rendering, summed over the parts.
     pub seconds: f64,
     pub iterations: Iterations,
@@ -103,8 +109,10 @@ impl About {
             resolution: settings.resolution(),
             crop: [crop.x0, crop.x1, crop.y0, crop.y1],
             responses: settings.responses().iter().map(|response| response.name().into()).collect(),
+            tables: tables(settings.responses()),
             seed: settings.seed(),
             samples_per_pixel: 0,
+            dropped: 0,
             seconds: 0.0,
             iterations: Iterations::default(),
             next_sample: 0,
@@ -125,6 +133,25 @@ impl About {
             [shard] => Some(shard),
             _ => None,
         }
+    }
+
+    /// Compares the tables among `responses`, which were read again, with the tables of the render. Fails if one has changed. Returns a
+    /// sentence if an earlier version wrote the sums without this information.
+    pub fn check_tables(&self, responses: &Responses) -> Result<Option<String>> {
+        let found = tables(responses);
+        let known = |name: &String| self.tables.get(name);
+        if let Some((name, _)) = found.iter().find(|(name, found)| known(name).is_some_and(|known| known != *found)) {
+            return Err(Error::Settings(format!(
+                "the response {name} has other weights than during the render; restore the file of --response, or render anew"
+            )));
+        }
+        let unknown = responses
+            .iter()
+            .find(|response| found.contains_key(response.name()) && known(&response.name().into()).is_none());
+        Ok(unknown.map(|response| {
+            let file = response.file().map_or(response.name().into(), |file| file.display().to_string());
+            format!("the sums come from an earlier version, which did not record the weights in {file}; make sure that they are unchanged")
+        }))
     }
 
     /// Fails if the sums of `other` do not belong to the same render; the message says how they differ. The number of samples or
@@ -184,6 +211,7 @@ impl Accumulation {
         self.layers.add_missing(other.layers.clone());
         let (about, other) = (&mut self.about, &other.about);
         about.samples_per_pixel += other.samples_per_pixel;
+        about.dropped = about.dropped.saturating_add(other.dropped);
         about.seconds += other.seconds;
         about.iterations = about.iterations.with(&other.iterations);
         about.next_sample = about.next_sample.max(other.next_sample);
@@ -192,6 +220,15 @@ impl Accumulation {
         about.shards.dedup();
         Ok(())
     }
+}
+
+/// Fingerprints of the weights of the responses that are tables, by name.
+fn tables(responses: &Responses) -> BTreeMap<String, String> {
+    let fingerprint = |rows: &[[f64; 2]]| {
+        let numbers = rows.iter().flatten();
+        numbers.fold(fingerprint::Hash::new(), |hash, x| hash.with(&x.to_le_bytes())).digits()
+    };
+    responses.iter().filter_map(|response| Some((response.name().into(), fingerprint(response.rows()?)))).collect()
 }
 
 /// Settings on which no image depends: they only say where a render runs, where its files are, or what it refuses.

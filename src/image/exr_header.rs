@@ -42,6 +42,12 @@ pub fn read_settings(path: &Path) -> Option<String> {
     }
 }
 
+/// Column and row of the first pixel in the whole image; `None` if the file cannot be read.
+pub fn read_corner(path: &Path) -> Option<[i32; 2]> {
+    let corner = first(path)?.own_attributes.layer_position;
+    Some([corner.x(), corner.y()])
+}
+
 /// The first of the layers `wanted` that the file lacks; `None` if it has them all. A file that cannot be read has none.
 pub fn missing_layer(path: &Path, wanted: Aov) -> Option<&'static str> {
     let channels = first(path).map_or(vec![], |header| header.channels.list.to_vec());

@@ -94,13 +94,18 @@ pub fn variance_path(path: &Path) -> PathBuf {
     path.with_extension("variance.npy")
 }
 
+/// The unit of a render, in the JSON file.
+const RADIANCE: &str = "W/(m^2 sr)";
+/// The unit of the counts of a detector, in the JSON file.
+pub const COUNTS: &str = "counts over all pulses";
+
 /// Writes the means as 32-bit floats: of shape (height, width, 3) for one response, of shape (height, width, responses, 3) for
-/// several. Row 0 is at the top. Removes the files beside an earlier array, see [`write_new_array`].
+/// several. Row 0 is at the top. The files beside an earlier array stay, see [`stale_arrays`].
 pub fn write_means(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
     match responses {
-        None => write_new_array(path, &shape(film, None), film.mean()),
+        None => write_array(path, &shape(film, None), film.mean()),
         Some(all) => {
-            write_new_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))
+            write_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))
         }
     }
 }
@@ -139,7 +144,7 @@ pub fn write_description(
         responses: provenance.responses.iter().map(Entry::of).collect(),
         axes: if responses.is_some() { "height, width, response, channel" } else { "height, width, channel" },
         shape: shape(film, responses),
-        unit: "W/(m^2 sr)",
+        unit: RADIANCE,
         resolution: provenance.resolution,
         crop: [crop.x0, crop.x1, crop.y0, crop.y1],
         samples_per_pixel: film.samples(),
@@ -171,11 +176,31 @@ pub fn paths_beside(path: &Path) -> [PathBuf; 2] {
     [variance_path(path), depth_path(path)]
 }
 
-/// As [`write_array`]. Then removes the variances and depths beside an earlier array of this name, so that no reader takes them for
-/// those of the new array.
+/// The variances and depths of an earlier array of this name, which a new array without them must not keep. The JSON file beside the
+/// earlier array tells whether it had them. Without that file, arrays with these names belong to somebody else. Call this function
+/// before the new JSON file is written.
+pub fn stale_arrays(path: &Path) -> Vec<PathBuf> {
+    let text = std::fs::read(description_path(path)).unwrap_or_default();
+    let earlier: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+    if !earlier["unit"].is_string() || !earlier["shape"].is_array() {
+        return vec![];
+    }
+    let settings = earlier["settings"].as_str().and_then(|text| text.parse::<toml::Table>().ok());
+    let has_depths = settings.is_some_and(|settings| settings.get("gate").is_some_and(|gate| gate.get("cw").is_some()));
+    let depths = has_depths.then(|| depth_path(path));
+    [variance_path(path)].into_iter().chain(depths).collect()
+}
+
+/// Writes an array as [`write_array`] does, and removes the [`stale_arrays`] beside it.
 pub fn write_new_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
+    let stale = stale_arrays(path);
     write_array(path, shape, values)?;
-    paths_beside(path).iter().try_for_each(|beside| match std::fs::remove_file(beside) {
+    remove_stale(&stale)
+}
+
+/// Removes [`stale_arrays`], so that no reader takes them for those of the new array.
+pub fn remove_stale(stale: &[PathBuf]) -> Result<()> {
+    stale.iter().try_for_each(|beside| match std::fs::remove_file(beside) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
             let message = format!("belongs to an earlier array, but cannot be removed: {error}; remove it");
             Err(Error::io(beside, message, error))

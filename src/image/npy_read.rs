@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
-use crate::image::npy_file::description_path;
+use crate::image::npy_file::{COUNTS, description_path};
 use crate::settings::Response;
 
 /// Maximum length of a header in bytes. NumPy writes 118 bytes for four sides.
@@ -95,9 +95,26 @@ pub fn described(path: &Path, array: &ImageArray) -> Option<Vec<DescribedRespons
     (responses.len() == array.images()).then_some(responses)
 }
 
+/// Whether the JSON file beside the array `path` says that the array holds counts of a detector.
+pub fn is_counts(path: &Path) -> bool {
+    let text = std::fs::read(description_path(path)).unwrap_or_default();
+    serde_json::from_slice::<serde_json::Value>(&text).is_ok_and(|described| described["unit"] == COUNTS)
+}
+
 /// Reads an array of 32-bit floats of shape (height, width, 3) or (height, width, responses, 3). Fails if the file holds something
 /// else, or fewer or more values than its shape says.
 pub fn read(path: &Path) -> Result<ImageArray> {
+    Ok(read_channels(path, &[3])?.0)
+}
+
+/// As [`read`], also for an array with a single channel, as `detect --mono` writes it. This channel becomes R, G and B. Returns the
+/// number of channels too, 1 or 3.
+pub fn read_with_mono(path: &Path) -> Result<(ImageArray, usize)> {
+    read_channels(path, &[1, 3])
+}
+
+/// Reads an array whose number of channels is one of `allowed`, 1 or 3.
+fn read_channels(path: &Path, allowed: &[usize]) -> Result<(ImageArray, usize)> {
     let fail = |message: String| Error::File { path: path.into(), message };
     let length = check_readable(path)?;
     let mut file = File::open(path).map_err(|e| read_error(path, e))?;
@@ -105,9 +122,11 @@ pub fn read(path: &Path) -> Result<ImageArray> {
         fail("this is not a NumPy array; give a file that taugate render -o OUT.npy or numpy.save wrote".into())
     })?;
     let shape = shape(&text, "<f4").map_err(fail)?;
-    let (height, width, responses) = match shape[..] {
-        [height, width, 3] => (height, width, None),
-        [height, width, responses, 3] => (height, width, Some(responses)),
+    let (height, width, responses, channels) = match shape[..] {
+        [height, width, channels] if allowed.contains(&channels) => (height, width, None, channels),
+        [height, width, responses, channels] if allowed.contains(&channels) => {
+            (height, width, Some(responses), channels)
+        }
         _ => {
             return Err(fail(format!(
                 "its shape is {shape:?}; an array of images has the shape (height, width, 3) or (height, width, responses, 3)"
@@ -125,7 +144,8 @@ pub fn read(path: &Path) -> Result<ImageArray> {
     if values.len() != shape.iter().product::<usize>() {
         return Err(fail("it changed while it was read; read it again".into()));
     }
-    Ok(ImageArray { width, height, responses, values })
+    let values = if channels == 1 { values.into_iter().flat_map(|x| [x; 3]).collect() } else { values };
+    Ok((ImageArray { width, height, responses, values }, channels))
 }
 
 /// The text of the header, and the position of the first value; `None` if the file is no `.npy` file.

@@ -134,14 +134,19 @@ impl Experiment {
 
     /// The files that the settings name, beside the scene and the outputs: grids, tables, the image of the sky.
     pub fn input_files(&self) -> Vec<PathBuf> {
+        self.input_paths().into_iter().filter(|path| path.is_file()).collect()
+    }
+
+    /// All paths that the settings name, beside the scene and the outputs. They need not exist.
+    pub fn input_paths(&self) -> Vec<PathBuf> {
         let mut inputs = Experiment { scene: None, output: OutputTable::default(), ..self.clone() };
-        let mut files = vec![];
+        let mut paths = vec![];
         let collected = inputs.each_path(|path| {
-            files.extend(path.is_file().then(|| path.clone()));
+            paths.push(path.clone());
             Ok(())
         });
         collected.expect("collecting does not fail");
-        files
+        paths
     }
 
     /// Makes all paths absolute. Fails if there is no current folder, or if a path is not UTF-8.

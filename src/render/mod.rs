@@ -103,6 +103,8 @@ pub struct Renderer {
     /// The next iteration, and the sample of the random sequences at which it begins.
     next: u32,
     first_sample: u32,
+    /// Non-finite samples of the sums that the render continues.
+    dropped_before: u64,
 }
 
 #[warn(missing_docs)]
@@ -198,6 +200,7 @@ impl Renderer {
             done: Iterations::default(),
             next: 0,
             first_sample: 0,
+            dropped_before: 0,
         })
     }
 
@@ -383,12 +386,6 @@ impl Renderer {
             Some(allocation) if !self.plan.dark => allocation.range(),
             _ => [self.film.samples(); 2],
         }
-    }
-
-    /// Counts of work and times so far.
-    #[doc(hidden)]
-    pub fn stats(&self) -> &Stats {
-        &self.stats
     }
 
     /// Size of the scene's device buffers in bytes.

@@ -92,6 +92,12 @@ impl Renderer {
         self.stats = Stats { scene_bytes, triangles, ..Stats::default() };
     }
 
+    /// Counts of work and times so far.
+    #[doc(hidden)]
+    pub fn stats(&self) -> &Stats {
+        &self.stats
+    }
+
     pub(super) fn clear(&mut self) {
         self.film = Film::new(self.film.width(), self.film.height());
         if let Some(responses) = &mut self.responses {
@@ -101,6 +107,6 @@ impl Renderer {
             allocation.restart();
         }
         self.done = Iterations::default();
-        (self.next, self.first_sample) = (0, 0);
+        (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);
     }
 }

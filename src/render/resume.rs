@@ -14,11 +14,18 @@ impl Renderer {
     pub fn about(&self, render: &About, seconds: f64) -> About {
         About {
             samples_per_pixel: self.film.samples(),
+            dropped: self.dropped(),
             seconds,
             iterations: self.done.clone(),
             next_sample: self.first_sample,
             ..render.clone()
         }
+    }
+
+    /// Number of samples that were not finite, in this render and in the sums that it continues. They count as 0.
+    #[doc(hidden)]
+    pub fn dropped(&self) -> u64 {
+        self.dropped_before.saturating_add(self.stats.dropped)
     }
 
     /// The number of the next iteration.
@@ -56,7 +63,7 @@ impl Renderer {
             allocation.resume(state);
         }
         (self.next, self.first_sample) = (about.iterations.end(), about.next_sample);
-        self.done = about.iterations;
+        (self.done, self.dropped_before) = (about.iterations, about.dropped);
         Ok(())
     }
 

@@ -37,6 +37,15 @@ pub fn samples_before(iteration: u32) -> u64 {
     }
 }
 
+/// Number of iterations of a render with `spp` samples per pixel.
+pub fn iterations_of(spp: u32) -> u32 {
+    match spp {
+        0..=16 => spp.div_ceil(2),
+        17..=64 => 8 + (spp - 16).div_ceil(4),
+        _ => 20 + (spp - 64).div_ceil(8),
+    }
+}
+
 /// Samples per pixel of all iterations of `shard` in a render with `spp` samples per pixel.
 pub fn samples_of_shard(shard: Shard, spp: u32) -> u64 {
     (shard.index()..)
@@ -123,6 +132,7 @@ mod tests {
         for (spp, iterations) in cases {
             let lengths = lengths(spp);
             assert_eq!((lengths.iter().sum::<u32>(), lengths.len()), (spp, iterations), "{spp} samples");
+            assert_eq!(iterations_of(spp) as usize, iterations, "{spp} samples");
         }
     }
 

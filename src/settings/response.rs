@@ -162,6 +162,14 @@ impl Response {
         }
     }
 
+    /// The rows of a table: travel times in metres, and weights.
+    pub(crate) fn rows(&self) -> Option<&[[f64; 2]]> {
+        match &self.weight {
+            Weight::Gate { .. } | Weight::Wave { .. } => None,
+            Weight::Table(table) => Some(&table.rows),
+        }
+    }
+
     /// A gate outside of which the weight is 0.
     pub fn support(&self) -> Gate {
         let Gate { lo, hi } = self.support_of_pulse();

@@ -2,6 +2,8 @@
 
 use taugate::internals::image::npy_read::read;
 
+#[cfg(target_os = "linux")]
+use crate::grids::npy;
 use crate::{fails, folder, names, taugate};
 
 #[test]
@@ -128,4 +130,86 @@ fn a_measured_gate_collects_daylight_by_its_weights() {
             assert!((total - expected).abs() < 6.0 * expected.sqrt(), "{light}: {total} {expected}");
         }
     }
+}
+
+/// Counts are no light, and have no unit of light.
+#[test]
+fn counts_are_counts_in_a_histogram_and_no_light_for_detect() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let json = |arguments: &[&str]| -> serde_json::Value { serde_json::from_str(&run(arguments)).unwrap() };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    let small = ["--resolution", "8x6", "--spp", "2", "-q", "-o", "light.npy"];
+    run(&[&["render", "box.glb", "--gates", "5m..8m/3"], &small[..]].concat());
+    let detect = ["detect", "light.npy", "--photons", "1e4", "-o"];
+    run(&[&detect[..], &["counts.npy"]].concat());
+    run(&[&detect[..], &["mono.npy", "--mono"]].concat());
+
+    let light = run(&["histogram", "light.npy", "--pixel", "3,2", "--plot", "light.svg"]);
+    assert!(light.contains("R, G, B in W/m^2/sr") && !light.contains("counts over"), "{light}");
+    let counts = run(&["histogram", "counts.npy", "--pixel", "3,2", "--plot", "counts.svg"]);
+    assert!(counts.contains("R, G, B in counts over all pulses") && !counts.contains("W/m^2"), "{counts}");
+    let plot = |name: &str| std::fs::read_to_string(here.path().join(name)).unwrap();
+    assert!(
+        plot("light.svg").contains("radiance in each gate") && plot("counts.svg").contains("counts over all pulses")
+    );
+    assert!(!plot("counts.svg").contains("radiance"));
+    let rows = json(&["histogram", "counts.npy", "--pixel", "3,2", "--json"]);
+    assert!(rows[1]["counts"].as_array().is_some_and(|counts| counts.len() == 3) && rows[1]["radiance"].is_null());
+
+    // A detector without colours has one channel.
+    let mono = run(&["histogram", "mono.npy", "--pixel", "3,2"]);
+    assert!(mono.contains("to m  counts over all pulses"), "{mono}");
+    let rows = json(&["histogram", "mono.npy", "--pixel", "3,2", "--json"]);
+    let bytes = std::fs::read(here.path().join("mono.npy")).unwrap();
+    let at = bytes.len() - 4 * (6 * 8 * 3) + 4 * ((2 * 8 + 3) * 3 + 1);
+    let value = f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    assert_eq!(rows[1]["counts"], serde_json::json!([value]));
+
+    for counts in ["counts.npy", "mono.npy"] {
+        fails(here.path(), &["detect", counts, "-o", "x.npy", "--photons", "1"], 2, "holds counts of a detector");
+    }
+}
+
+#[test]
+fn detect_refuses_the_background_of_another_crop() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    let small = ["render", "box.glb", "--resolution", "16x12", "--spp", "2", "-q"];
+    let light = ["-o", "light.npy", "-o", "light.exr", "-o", "light.acc"];
+    for gates in ["5m..8m/1", "5m..8m/3"] {
+        run(&[&small[..], &["--gates", gates, "--crop", "0,8,2,10"], &light].concat());
+        run(&[&small[..], &["--crop", "8,16,2,10", "-o", "other.exr"]].concat());
+        run(&[&small[..], &["--crop", "0,8,2,10", "-o", "day.exr"]].concat());
+        for light in ["light.npy", "light.exr", "light.acc"] {
+            let detect = ["detect", light, "-o", "x.npy", "--photons", "1", "--background"];
+            let message =
+                fails(here.path(), &[&detect[..], &["other.exr"]].concat(), 2, "other.exr: begins at column 8");
+            assert!(message.contains("the light at column 0, row 2"), "{message}");
+            run(&[&detect[..], &["day.exr"]].concat());
+        }
+    }
+}
+
+/// The file is sparse: it takes no space, and claims a terabyte.
+#[test]
+#[cfg(target_os = "linux")]
+fn detect_refuses_light_that_does_not_fit_into_memory() {
+    let here = folder();
+    let path = here.path().join("huge.npy");
+    std::fs::write(&path, npy("<f4", "(300000, 300000, 3)", &[])).unwrap();
+    let file = std::fs::OpenOptions::new().append(true).open(&path).unwrap();
+    if file.set_len(128 + 4 * 3 * 300_000 * 300_000).is_err() {
+        println!("skipped: the disk has no sparse files");
+        return;
+    }
+    fails(here.path(), &["detect", "huge.npy", "-o", "x.npy", "--photons", "1"], 2, "GiB of memory, but only");
 }

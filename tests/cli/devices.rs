@@ -89,3 +89,13 @@ fn a_lost_device_leaves_the_points_of_a_scan() {
         "{message}"
     );
 }
+
+/// The plot needs travel times, so the error of the device is the result.
+#[test]
+fn a_lost_device_is_the_reason_why_info_has_no_plot() {
+    let folder = crate::folder();
+    let here = folder.path();
+    assert!(crate::taugate(here, &["generate", "cornell-box", "-o", "box.glb"]).status.success());
+    lost_after("1", here, &["info", "box.glb", "--resolution", "8x6", "--plot", "p.svg"]);
+    assert!(!here.join("p.svg").exists());
+}

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use taugate::internals::image::exr_file::read_picture;
 
+use crate::grids::npy;
 use crate::{fails, folder, names, taugate};
 
 const SMALL: [&str; 6] = ["--resolution", "8x6", "--spp", "4", "--sampling", "uniform"];
@@ -171,6 +172,31 @@ fn arrays_are_compared_and_plotted() {
     }
 }
 
+/// A gate that is dark in the reference has no relative error, but light in it is an error all the same.
+#[test]
+fn compare_finds_light_in_dark_gates() {
+    let here = folder();
+    let write = |name: &str, values: &[f32]| {
+        std::fs::write(here.path().join(name), npy("<f4", "(1, 1, 4, 3)", values)).unwrap();
+    };
+    let light = |dark: f32, faint: f32| [[1.0; 3], [1.0; 3], [dark; 3], [faint; 3]].concat();
+    write("reference.npy", &light(0.0, 0.0009));
+    write("false.npy", &light(0.5, 0.0011));
+    write("right.npy", &light(0.0, 0.0011));
+    let run = |image: &str, more: &[&str]| {
+        let output = taugate(here.path(), &[&["compare", image, "reference.npy"], more].concat());
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (code, text) = run("false.npy", &["--max-relmse", "10"]);
+    assert!(code == Some(1) && text.contains("light in 1 of the gates that are dark in the reference"), "{text}");
+    assert_eq!(run("false.npy", &[]).0, Some(0));
+    let (code, json) = run("false.npy", &["--max-relmse", "10", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((code, &json["lit_dark_gates"], &json["within"]), (Some(1), &1.into(), &false.into()));
+    let (code, text) = run("right.npy", &["--max-relmse", "10"]);
+    assert!(code == Some(0) && !text.contains("dark in the reference"), "{text}");
+}
+
 /// Error bars never belong to an older array of the same name.
 #[test]
 fn variances_of_an_older_array_are_removed() {
@@ -180,6 +206,9 @@ fn variances_of_an_older_array_are_removed() {
     render(here.path(), &[&gates[..], &["--seed", "2", "-q"]].concat());
     assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb"]);
     let run = |arguments: &[&str]| assert!(taugate(here.path(), arguments).status.success(), "{arguments:?}");
+    // An array of counts has no variances, whatever had its name before.
+    std::fs::copy(here.path().join("a.npy"), here.path().join("counts.npy")).unwrap();
+    std::fs::copy(here.path().join("a.json"), here.path().join("counts.json")).unwrap();
     std::fs::copy(here.path().join("a.npy"), here.path().join("counts.variance.npy")).unwrap();
     run(&["detect", "a.npy", "-o", "counts.npy", "--photons", "10"]);
     assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb", "counts.json", "counts.npy"]);

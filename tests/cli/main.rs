@@ -1,6 +1,8 @@
 //! Runs the program as a user does. The tests of this file are about help, exit codes and messages; they need no device.
 
 mod bench;
+mod bench_rows;
+mod beside;
 mod corpus;
 mod detect;
 mod devices;
@@ -12,6 +14,7 @@ mod guide;
 mod info;
 mod orthographic;
 mod regressions;
+mod remembered;
 mod scan;
 mod scenes;
 mod sums;

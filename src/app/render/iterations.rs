@@ -10,7 +10,7 @@ use taugate::internals::settings::{Budget, Settings};
 use taugate::{Error, ErrorKind};
 
 use super::super::progress::{Before, Position, Progress};
-use super::NotFinite;
+use super::errors::NotFinite;
 
 /// The iterations that were added to the film.
 #[derive(Default)]
@@ -25,8 +25,8 @@ pub struct Done {
 pub struct Iterations<'a> {
     pub settings: &'a Settings,
     pub shard: Shard,
-    /// Seconds that earlier processes spent on this render.
-    pub before: f64,
+    /// Work of earlier processes on this render.
+    pub before: Before,
     pub strict: bool,
     pub stop: &'a AtomicBool,
 }
@@ -47,11 +47,16 @@ impl Iterations<'_> {
             Budget::Spp(spp) if !shard.is_all() => Budget::Spp(samples_of_shard(shard, spp) as u32),
             other => other,
         };
-        let earlier = Before { samples: renderer.film().samples(), seconds: before };
+        let finite = |renderer: &Renderer| match renderer.dropped() {
+            dropped if strict && dropped > 0 => Err(NotFinite { dropped }),
+            _ => Ok(()),
+        };
+        // Sums that the render continues may contain such samples.
+        finite(renderer)?;
         let mut done = Done::default();
         loop {
             renderer.go_to_next_of(shard);
-            let elapsed = started.elapsed() + Duration::from_secs_f64(before);
+            let elapsed = started.elapsed() + Duration::from_secs_f64(before.seconds);
             let (next, film) = (renderer.next(), renderer.film());
             let samples = next_samples_of(shard, &budget, next, film.iterations(), film.samples(), elapsed);
             // If the image is certain to be black, two iterations are enough: they give a variance.
@@ -66,12 +71,9 @@ impl Iterations<'_> {
                 result => result?,
             }
             done.schedule.push(samples);
-            let dropped = renderer.stats().dropped;
-            if strict && dropped > 0 {
-                return Err(NotFinite { dropped }.into());
-            }
-            watch(renderer, before + started.elapsed().as_secs_f64(), progress);
-            progress.update(&Position::of(renderer, started.elapsed(), earlier), &own);
+            finite(renderer)?;
+            watch(renderer, before.seconds + started.elapsed().as_secs_f64(), progress);
+            progress.update(&Position::of(renderer, started.elapsed(), before), &own);
         }
     }
 }

@@ -6,7 +6,7 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::files::{check_writable, lies_in};
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::input::resolve::Outputs;
+use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::scene::gltf;
 
@@ -64,10 +64,19 @@ pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) 
     Ok(())
 }
 
-/// Fails if the contact sheet or the animation cannot be written, or if it would replace an input.
+/// Fails if the contact sheet or the animation cannot be written, or if it would replace an input or a file of a frame.
 pub fn check_pictures(sequence: &Sequence, experiment: &Experiment) -> Result<()> {
     let pictures: Vec<PathBuf> = sequence.contact_sheet.iter().chain(&sequence.gif).cloned().collect();
     pictures.iter().try_for_each(|path| check_writable(path))?;
+    for frame in sequence.frames().filter(|_| !pictures.is_empty()) {
+        // The gate does not name pictures, and its tables need not be read for every frame.
+        let without_gate = Experiment { gate: Default::default(), ..sequence.frame(frame) };
+        let files = resolve::outputs(&without_gate)?.files();
+        if let Some(path) = pictures.iter().find(|picture| files.iter().any(|file| lies_in(picture, file))) {
+            let message = format!("is a file of frame {frame}; choose another name");
+            return Err(Error::File { path: path.clone(), message });
+        }
+    }
     let scene = experiment.scene.as_ref().expect("the experiment names a scene");
     check_inputs(&pictures, scene, experiment)
 }

@@ -24,6 +24,7 @@ use taugate::{Error, ErrorKind};
 use super::super::interrupts::Interrupt;
 use super::super::preparation::Preparation;
 use super::super::progress::{Before, Position, duration, rays};
+use super::super::report::dropped;
 use super::super::rescue::Rescue;
 use super::super::{feasible, memory};
 use super::{NotFinite, Outcome, Session, after, check_inputs, check_outputs, load_scene, of_file};
@@ -128,9 +129,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     }
     rescue.finish()?;
     let is_whole = measured == count;
-    let dropped = renderer.stats().dropped;
-    if dropped > 0 {
-        session.progress.line(&format!("warning: {dropped} samples were not finite and count as 0"));
+    if let Some(warning) = dropped(renderer.stats().dropped) {
+        session.progress.line(&format!("warning: {warning}"));
     }
     session.progress.line(&format!(
         "{}: {count} laser points x {} sensor points x {} gates, {samples} samples each, in {}",

@@ -13,12 +13,12 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::render::Renderer;
-use taugate::internals::render::schedule::samples_in;
+use taugate::internals::render::schedule::{iterations_of, samples_in};
 use taugate::internals::scene::gltf;
-use taugate::internals::settings::Settings;
 use taugate::internals::settings::shard::Shard;
+use taugate::internals::settings::{Budget, Settings};
 
-use super::super::progress::Progress;
+use super::super::progress::{Before, Progress};
 
 /// A write of the sums takes at most this fraction of the time of a render.
 const MAX_SHARE: f64 = 0.01;
@@ -55,7 +55,8 @@ impl Identity {
         let Some(other) = other.filter(|other| other.scene.is_some()) else {
             return Some("its settings are not known".into());
         };
-        let files: Vec<String> = other.input_files().iter().map(|path| path.to_string_lossy().into()).collect();
+        // The image may record paths relative to a folder that is not the current one. The fingerprint compares the contents.
+        let files: Vec<String> = other.input_paths().iter().map(|path| path.to_string_lossy().into()).collect();
         let own = ("this command", (&*self.0.settings, &*self.0.files));
         accumulation::difference_of_images(own, ("the file", (&other.to_toml(), &files)))
     }
@@ -144,11 +145,18 @@ impl Earlier {
         }
     }
 
+    /// The samples and seconds in the sums.
+    pub fn work(&self) -> Before {
+        Before { samples: self.sums.about.samples_per_pixel, seconds: self.sums.about.seconds }
+    }
+
     /// A line that says after how many samples and iterations the render goes on.
     pub fn describe(&self) -> String {
         let About { samples_per_pixel, iterations, .. } = &self.sums.about;
+        let shard = self.sums.about.shard().filter(|shard| !shard.is_all());
+        let part = shard.map_or(String::new(), |shard| format!("shard {shard}, "));
         format!(
-            "{}: going on after {samples_per_pixel} samples per pixel in {} iterations",
+            "{}: {part}going on after {samples_per_pixel} samples per pixel in {} iterations",
             self.path.display(),
             iterations.len()
         )
@@ -170,6 +178,17 @@ impl Earlier {
             self.path.display()
         ))
     }
+}
+
+/// A note if a render with this budget has no iteration for the shard.
+pub fn empty_shard(shard: Shard, budget: &Budget) -> Option<String> {
+    let Budget::Spp(spp) = *budget else { return None };
+    let iterations = iterations_of(spp);
+    (shard.index() >= iterations).then(|| {
+        format!(
+            "shard {shard} has no iteration of a render of {spp} samples per pixel; use at most {iterations} shards"
+        )
+    })
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {

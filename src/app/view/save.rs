@@ -12,6 +12,7 @@ use taugate::internals::settings::values::Files;
 use taugate::internals::settings::{Budget, MAX_SPP};
 
 use super::super::preparation::Preparation;
+use super::super::progress::Before;
 use super::super::report::Report;
 use super::stage::Stage;
 
@@ -44,6 +45,7 @@ impl Finished<'_> {
             settings: &settings,
             provenance: &Provenance::new(&settings, self.seconds, printed),
             seconds: self.seconds,
+            before: Before::default(),
             layers: &Layers::default(),
             preparation: &Preparation::new(),
             warnings: &view.warnings,

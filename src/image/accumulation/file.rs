@@ -40,6 +40,8 @@ use crate::settings::MAX_PIXELS;
 
 /// Name of the text in the zip.
 const ABOUT: &str = "about.json";
+/// Maximum number of seconds that a file may state, about 30,000 years.
+const MAX_SECONDS: f64 = 1e12;
 /// Names of the four sums of [`Moments`], for a single response and for the total of several.
 const SINGLE: [&str; 4] = ["sums", "sums_low", "squares", "squares_low"];
 const TOTAL: [&str; 4] = ["total_sums", "total_sums_low", "total_squares", "total_squares_low"];
@@ -292,8 +294,8 @@ fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
     if is_empty != about.iterations.is_empty() || about.samples_per_pixel < u64::from(about.iterations.len()) {
         return Err(wrong("its number of samples contradicts its iterations".into()));
     }
-    if !(about.seconds >= 0.0 && about.seconds.is_finite()) {
-        return Err(wrong("its seconds of render time are negative or not finite".into()));
+    if !(0.0..=MAX_SECONDS).contains(&about.seconds) {
+        return Err(wrong(format!("its seconds of render time are not from 0 to {MAX_SECONDS:e}")));
     }
     Ok(about)
 }

@@ -8,6 +8,7 @@ use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::shard::Shard;
 use crate::settings::table::OutputTable;
 use crate::settings::values::Png;
 
@@ -162,7 +163,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     // A scan is no image of depths.
     let depth = experiment.gate.cw.is_some() && experiment.scan.is_none();
     let keeps_variance = keeps_sums && (variance || count <= MAX_EXR_RESPONSES);
-    Ok(Outputs {
+    let outputs = Outputs {
         exr,
         npy,
         acc,
@@ -175,7 +176,19 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         strategy_images: wanted.strategy_images.clone(),
         checkpoint,
         keeps_variance,
-    })
+    };
+    check_shard(wanted.shard.unwrap_or(Shard::ALL), &outputs)?;
+    Ok(outputs)
+}
+
+/// Fails if a part of a render would not be kept as sums. Also sums that a render continues may be of a shard.
+pub fn check_shard(shard: Shard, outputs: &Outputs) -> Result<()> {
+    match shard.is_all() || outputs.sums().next().is_some() {
+        true => Ok(()),
+        false => Err(Error::settings(
+            "a shard is a part of a render: add -o OUT.acc, so that taugate merge can join the parts",
+        )),
+    }
 }
 
 /// The file of --checkpoint and the seconds between two writes. Fails if flags of long renders do not fit together.
@@ -193,13 +206,6 @@ fn checkpoint(wanted: &OutputTable) -> Result<Option<(PathBuf, f64)>> {
     if is_long && wanted.strategy_images.is_some() {
         return Err(Error::settings(
             "--strategy-images needs all iterations in one run: leave out --checkpoint, --resume and --shard",
-        ));
-    }
-    let is_kept =
-        wanted.checkpoint.is_some() || wanted.output.iter().flat_map(|files| &files.0).any(|path| is_acc(&path));
-    if wanted.shard.is_some_and(|shard| !shard.is_all()) && !is_kept {
-        return Err(Error::settings(
-            "a shard is a part of a render: add -o OUT.acc, so that taugate merge can join the parts",
         ));
     }
     let seconds = wanted.every.map_or(DEFAULT_EVERY, |every| every.0);

@@ -1,0 +1,28 @@
+//! Errors of renders.
+
+use std::path::Path;
+
+use taugate::Error;
+
+/// The error for non-finite samples with --strict.
+#[derive(Debug, thiserror::Error)]
+#[error("{dropped} samples were not finite, so --strict wrote no image; without --strict they count as 0")]
+pub struct NotFinite {
+    pub dropped: u64,
+}
+
+/// Adds to an error of the device that the files hold `what`, which was rendered before the error.
+pub fn after(failure: Error, what: &str) -> Error {
+    match failure {
+        Error::Device(message) => Error::Device(format!("{message}; the files hold {what}")),
+        other => other,
+    }
+}
+
+/// Names the scene's file in an error of the settings, because the scene may be the cause.
+pub fn of_file(error: Error, scene: &Path) -> Error {
+    match error {
+        Error::Settings(message) => Error::Scene { path: scene.into(), message },
+        other => other,
+    }
+}
