@@ -33,7 +33,7 @@ fn a_description_alone_is_no_finished_frame() {
         assert!(written(&format!("{frame}.json")) <= written(&format!("{frame}.npy")), "{frame}");
     }
     std::fs::remove_file(here.path().join("f1.npy")).unwrap();
-    assert!(render(here.path(), "scene.glb", &flags).contains("1 of 2 frames were there already"));
+    assert!(render(here.path(), "scene.glb", &flags).contains("1 of 2 frames exist with the same settings"));
 }
 
 /// Images record the paths of their inputs as the user typed them. The contents of the inputs decide.
@@ -50,12 +50,12 @@ fn frames_are_continued_from_another_folder() {
     render(here.path(), "scene.glb", &[&SWEEP[..], &fog, &["fog.npy", "-o", "f#.exr", "-o", "f#.npy"]].concat());
     let elsewhere = [&SWEEP[..], &fog, &["../fog.npy", "-o", "../f#.exr", "-o", "../f#.npy"]].concat();
     let message = render(&sub, "../scene.glb", &elsewhere);
-    assert!(message.contains("2 of 2 frames were there already"), "{message}");
+    assert!(message.contains("2 of 2 frames exist with the same settings"), "{message}");
     grid(0.75);
     let again = [&["render", "../scene.glb"], &SMALL[..], &elsewhere].concat();
     fails(&sub, &again, 2, "its scene or another input has changed");
     let settings = [&["render", "../scene.glb", "--seed", "2"], &SMALL[..], &elsewhere].concat();
-    fails(&sub, &settings, 2, "not with these settings (render.seed is 2 in this command and is 0 in the file)");
+    fails(&sub, &settings, 2, "has other settings (render.seed is 2 in this command and is 0 in the file)");
 }
 
 /// Only the files beside an array that taugate described are those of an earlier array.

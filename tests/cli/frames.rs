@@ -116,7 +116,7 @@ fn automatic_choices_are_those_of_the_first_frame() {
     let printed = taugate(here, &[&["render", "scene.glb", "--print-config"], &SMALL[..], &frames].concat());
     std::fs::write(here.join("e.toml"), printed.stdout).unwrap();
     let message = String::from_utf8(taugate(here, &["render", "e.toml"]).stderr).unwrap();
-    assert!(message.contains("2 of 2 frames were there already"), "{message}");
+    assert!(message.contains("2 of 2 frames exist with the same settings"), "{message}");
 }
 
 #[test]
