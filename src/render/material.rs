@@ -5,10 +5,11 @@ use std::collections::HashMap;
 use glam::DAffine2;
 
 use super::albedo::AlbedoTable;
-use super::media::interior_index;
+use super::media::interior_indices;
+use super::null_boundary;
 use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
-use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_NULL};
+use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_MIRRORED, TRIANGLE_NULL};
 use crate::wgsl::layout::{NONE, host_twins, shared_constants};
 
 host_twins! {
@@ -110,17 +111,21 @@ pub struct MaterialSet<'a> {
     pub max_ior: f32,
     /// Index of refraction outside of solids.
     surrounding_ior: f32,
+    /// See [`interior_indices`].
+    interiors: Vec<Option<u32>>,
 }
 
 impl<'a> MaterialSet<'a> {
     pub fn new(scene: &'a Scene, emitters: &'a Emitters, albedo: &'a AlbedoTable) -> Self {
         let (list, numbers) = (vec![], Default::default());
         let [surrounding_ior, max_ior] = scene::surrounding_indices(&scene.media);
-        MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior, surrounding_ior }
+        let (features, interiors) = (Features::default(), interior_indices(scene));
+        MaterialSet { scene, emitters, albedo, list, numbers, features, max_ior, surrounding_ior, interiors }
     }
 
     /// Index in `list` of the material of `mesh` on `node`. The bit [`TRIANGLE_ALPHA`] says that rays may pass through the surface,
-    /// the bit [`TRIANGLE_NULL`] that they always do.
+    /// the bit [`TRIANGLE_NULL`] that they always do. A null boundary that is inside out gets the bit [`TRIANGLE_MIRRORED`], which turns
+    /// its triangles around.
     pub fn number(&mut self, mesh: &scene::Mesh, node: &str) -> u32 {
         let material = mesh.material;
         let source = &self.scene.materials[material as usize];
@@ -130,7 +135,7 @@ impl<'a> MaterialSet<'a> {
             None => {
                 let n = self.list.len() as u32;
                 let converted = self.convert(source, key.1, key.2);
-                let interior = interior_index(self.scene, material).unwrap_or(NONE);
+                let interior = self.interiors[material as usize].unwrap_or(NONE);
                 self.list.push(Material { interior, ..converted });
                 self.numbers.insert(key, n);
                 n
@@ -141,7 +146,9 @@ impl<'a> MaterialSet<'a> {
         self.features.vertex_colors |= !mesh.colors.is_empty();
         let is_null = source.is_null_boundary(mesh, self.surrounding_ior);
         self.features.null_boundaries |= is_null;
-        number | alpha | if is_null { TRIANGLE_NULL } else { 0 }
+        let null = if is_null { TRIANGLE_NULL } else { 0 };
+        let turned = if is_null && null_boundary::is_inside_out(mesh) { TRIANGLE_MIRRORED } else { 0 };
+        number | alpha | null | turned
     }
 
     fn convert(&mut self, m: &scene::Material, is_emitter: bool, has_tangents: bool) -> Material {
