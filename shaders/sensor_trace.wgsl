@@ -92,7 +92,9 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (depth >= frame.max_depth || (is_late && !has_segment)) {
         return;
     }
-    let can_shade = is_connectible(q) && !is_late;
+    // Guided flights may end in clear air, with a throughput of 0.
+    let carries_light = !GUIDES_FLIGHTS || max_component(q.throughput) > 0.0;
+    let can_shade = is_connectible(q) && !is_late && carries_light;
     q.flags |= select(VERTEX_SEGMENT_ONLY, 0u, can_shade);
     var mark = select(0u, MARK_SHADE, can_shade || has_segment);
     shade_points[slot] = q;

@@ -95,7 +95,7 @@ pub fn prepare(
         }
     }
     let prepared = PreparedScene::new(&scene, settings)?;
-    let warnings = prepared.warnings(&scene);
+    let warnings = prepared.warnings(&scene, settings);
     if !may_be_dark(experiment, settings) {
         feasible::check_gate(&scene, settings, &prepared, device_name)?;
     }

@@ -48,7 +48,8 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     let along = dot(w, v.position - x);
     let a = interval.x - along;
     let b = interval.y - along;
-    let height = max(length(v.position - x - along * w), 1e-6 * max(abs(along), interval.x) + 1e-20);
+    // If v is at the start of the segment, events lie as near to v as the height is large. Their squared distances must not underflow.
+    let height = max(length(v.position - x - along * w), max(1e-6 * max(abs(along), interval.x), 1e-8));
     let angle = angle_of(vec2<f32>(height * height + a * b, height * (b - a)));
     let rate = max(mean_extinction(stretch_at(x, w, interval.x).medium), 1e-3 / (b - a));
     let reached = one_minus_exp(vec3<f32>(rate * (b - a))).x;

@@ -59,7 +59,8 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
         f = flight_to_event(o, d, last, shares, whole, vec2<f32>((choice - share) / (1.0 - share), u.y));
     }
     if (f.medium == NONE) {
-        // Clear air between two media.
+        // Clear air between two media. The weight is 0, but every event needs a medium that exists.
+        f.medium = 0u;
         return f;
     }
     let sigma_s = load_medium(f.medium).sigma_s;

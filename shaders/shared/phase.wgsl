@@ -19,9 +19,18 @@ override HAS_PHASE_TABLES: bool = false;
 // cosines. The density is linear between the nodes.
 @group(0) @binding(14) var phase_tables: texture_1d<u32>;
 
+// 1 + g^2 - 2 g c, for the mean cosine g of a Henyey-Greenstein lobe and the cosine c. In this form, no digits cancel in the peak,
+// which is at c = -1 for g < 0.
+fn lobe_distance2(g: f32, c: f32) -> f32 {
+    let h = abs(g);
+    let peak = square(1.0 - h);
+    // Rounding may carry the cosine beyond 1. The lower bound keeps the result above 0 for the narrowest lobes.
+    return max(peak + 2.0 * h * (1.0 - select(c, -c, g < 0.0)), 0.5 * peak);
+}
+
 // Density per solid angle of the Henyey-Greenstein lobe with the mean cosine g.
 fn henyey_greenstein(g: f32, cosine: f32) -> f32 {
-    let x = square(1.0 - g) + 2.0 * g * (1.0 - cosine);
+    let x = lobe_distance2(g, cosine);
     return (1.0 - g * g) / (4.0 * PI * x * sqrt(x));
 }
 
@@ -86,7 +95,7 @@ fn draine(g: f32, alpha: f32, cosine: f32) -> f32 {
 // it is rearranged so that all powers of g in the denominator cancel: the result is accurate for every g, also for 0.
 fn draine_share(g: f32, alpha: f32, c: f32) -> f32 {
     let a = 1.0 + g * g;
-    let y = sqrt(square(1.0 - g) + 2.0 * g * (1.0 - c));
+    let y = sqrt(lobe_distance2(g, c));
     let sum = 1.0 + g + y;
     let lobe = (1.0 - g) * (1.0 + c) / (y * sum);
     let p = (1.0 + g) * y;

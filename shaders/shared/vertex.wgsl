@@ -60,12 +60,21 @@ fn vertex_cosine(v: PathVertex, w: vec3<f32>) -> f32 {
 // Whether the trees contain the punctual lights, because there are too many to connect one by one.
 override QUERIED_PUNCTUAL: bool = true;
 
+// Minimum of 4 pi times the value of a table for `outgoing_light`. The direction to the previous vertex is rounded in leaf records, so
+// an event may contribute although the table is 0 at the rounded angle.
+const MIN_TABLE_LIGHT: f32 = 1e-3;
+
 // Light that v sends along `w` (unit), relative to its throughput. A surface counts as diffuse, with a cosine of at least
 // `min_cosine`. For an event in a medium, the result is exact up to the factor 4 pi. For a punctual light, it is exact: 0 outside the
 // cone of a spot.
 fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (is_in_medium(v)) {
-        return 4.0 * PI * phase_value(load_medium(v.material), -dot(v.to_previous, w));
+        let m = load_medium(v.material);
+        let scattered = 4.0 * PI * phase_value(m, -dot(v.to_previous, w));
+        if (HAS_PHASE_TABLES && m.phase == PHASE_TABLE) {
+            return max(scattered, MIN_TABLE_LIGHT);
+        }
+        return scattered;
     }
     if (QUERIED_PUNCTUAL && !has_normal(v)) {
         return emitter_profile(v, w).x;

@@ -259,7 +259,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
     for emitter in &mut report.emitters {
         emitter.watts = prepared.powers().get(&emitter.node).copied();
     }
-    report.warnings.extend(prepared.warnings(scene));
+    report.warnings.extend(prepared.warnings(scene, settings));
     let opened = match Device::open(device) {
         Err(error) if device.is_some() || needs_render(args) => return Err(error.into()),
         opened => opened,
@@ -303,7 +303,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         report.notes.extend(measured.iter().filter_map(BlackBacks::describe));
         backs = measured.map(|backs| backs.fraction);
         if !scene.media.is_empty() {
-            thickness = haze(device, scene, part, &prepared).ok().map(Thickness::new);
+            thickness = haze(device, scene, part, &prepared).ok().map(|haze| Thickness::new(haze, scene));
         }
         if args.pixel.is_some() {
             shown = Some(pixel::shown(device, scene, part, &prepared)?);

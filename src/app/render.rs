@@ -326,7 +326,7 @@ impl Session {
         let (path, device_name) = (experiment.scene.as_ref(), experiment.render.device.as_deref());
         let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
         let prepared = prepared.map_err(|error| of_file(error, path.expect("the experiment names a scene")))?;
-        let warnings = preparation.timed("check lamps", || prepared.warnings(&scene));
+        let warnings = preparation.timed("check lamps", || prepared.warnings(&scene, settings));
         warnings.iter().for_each(|warning| self.say(format!("warning: {warning}")));
         if !self.may_be_dark(experiment, settings) {
             preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device_name))?;

@@ -137,7 +137,8 @@ mod tests {
         add(&mut scene, "chip", grey, cuboid(chip - DVec3::splat(0.1), chip + DVec3::splat(0.1)));
         light(&mut scene, "bulb", lamp, DVec3::NEG_Y, LightKind::Point { intensity: [1.0; 3] });
         camera(&mut scene, eye, DVec3::ZERO, 0.5, [8, 8]);
-        PreparedScene::new(&scene, &Settings::default()).unwrap().warnings(&scene)
+        let settings = Settings::default();
+        PreparedScene::new(&scene, &settings).unwrap().warnings(&scene, &settings)
     }
 
     #[test]

@@ -133,7 +133,7 @@ impl Part {
                 .collect();
             let mut material = geometry.instance_materials[number];
             if instance.transform.matrix3.determinant() < 0.0 {
-                material |= TRIANGLE_MIRRORED;
+                material ^= TRIANGLE_MIRRORED;
             }
             if !mesh.normals.is_empty() {
                 material |= TRIANGLE_SMOOTH;

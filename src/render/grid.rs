@@ -14,9 +14,11 @@ pub type Texel = [u32; 4];
 /// Marks a block whose density varies.
 const VARIES: f32 = -1.0;
 
-/// Number of cells of a grid.
-pub fn cell_count(grid: &DensityGrid) -> u64 {
-    Cells::new(grid).count.into_iter().map(u64::from).product()
+/// Number of cells and blocks of a grid.
+pub fn texel_count(grid: &DensityGrid) -> u64 {
+    let cells = Cells::new(grid).count;
+    let product = |counts: [u32; 3]| counts.into_iter().map(u64::from).product::<u64>();
+    product(cells) + product(cells.map(|n| n.div_ceil(BLOCK)))
 }
 
 /// The record of a grid. Its cells and blocks are appended to `densities`.

@@ -1,4 +1,4 @@
-//! Optical thickness of the media between the sensor and the surfaces in view.
+//! Optical thickness of the media between the sensor and the surfaces in view. Media inside of meshes do not count.
 
 use super::first_surface::first_surfaces;
 use super::prepared_scene::PreparedScene;
@@ -8,13 +8,16 @@ use crate::gpu::Device;
 use crate::scene::{Scene, optical_thickness};
 use crate::settings::Settings;
 
-/// Optical thickness along camera rays, each up to its first surface; infinite if a ray goes on forever in a medium.
+/// Optical thickness along camera rays, each up to its first surface, as a mean over the channels; infinite if a ray goes on forever in
+/// a medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Haze {
     /// Along the ray in the centre of the view.
     pub centre: f64,
     pub least: f64,
     pub greatest: f64,
+    /// Fraction of the light that goes straight through the centre of the view, as a mean over the channels.
+    pub transmitted: f64,
 }
 
 /// Traces one ray per pixel of a small image of the same crop as `settings`. Fails if the scene does not fit the device.
@@ -34,9 +37,13 @@ pub fn haze(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prep
         let (origin, direction) = (camera.origin(resolution, film), camera.direction(resolution, film));
         optical_thickness(&scene.media, origin, direction, length)
     };
-    let all: Vec<f64> = lengths.iter().enumerate().map(thickness).collect();
+    let mean = |values: [f64; 3]| values.iter().sum::<f64>() / 3.0;
+    let centre = height / 2 * width + width / 2;
+    let transmitted = mean(thickness((centre, &lengths[centre])).map(|depth| (-depth).exp()));
+    let all: Vec<f64> = lengths.iter().enumerate().map(|ray| mean(thickness(ray))).collect();
     Ok(Haze {
-        centre: all[height / 2 * width + width / 2],
+        transmitted,
+        centre: all[centre],
         least: all.iter().copied().fold(f64::INFINITY, f64::min),
         greatest: all.iter().copied().fold(0.0, f64::max),
     })

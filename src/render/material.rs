@@ -6,9 +6,10 @@ use glam::DAffine2;
 
 use super::albedo::AlbedoTable;
 use super::media::interior_indices;
+use super::null_boundary;
 use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
-use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_NULL};
+use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_MIRRORED, TRIANGLE_NULL};
 use crate::wgsl::layout::{NONE, host_twins, shared_constants};
 
 host_twins! {
@@ -131,7 +132,8 @@ impl<'a> MaterialSet<'a> {
     }
 
     /// Index in `list` of the material of `mesh` on `node`. The bit [`TRIANGLE_ALPHA`] says that rays may pass through the surface,
-    /// the bit [`TRIANGLE_NULL`] that they always do.
+    /// the bit [`TRIANGLE_NULL`] that they always do. A null boundary that is inside out gets the bit [`TRIANGLE_MIRRORED`], which turns
+    /// its triangles around.
     pub fn number(&mut self, mesh: &scene::Mesh, node: &str) -> u32 {
         let material = mesh.material;
         let source = &self.scene.materials[material as usize];
@@ -152,7 +154,9 @@ impl<'a> MaterialSet<'a> {
         self.features.vertex_colors |= !mesh.colors.is_empty();
         let is_null = source.is_null_boundary(mesh, self.surrounding_ior);
         self.features.null_boundaries |= is_null;
-        number | alpha | if is_null { TRIANGLE_NULL } else { 0 }
+        let null = if is_null { TRIANGLE_NULL } else { 0 };
+        let turned = if is_null && null_boundary::is_inside_out(mesh) { TRIANGLE_MIRRORED } else { 0 };
+        number | alpha | null | turned
     }
 
     fn convert(&mut self, m: &scene::Material, is_emitter: bool, has_tangents: bool) -> Material {

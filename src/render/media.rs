@@ -12,8 +12,8 @@ use crate::wgsl::layout::{Grid, Medium};
 
 /// Stands for infinity in the corners of media without bounds.
 const FAR: f32 = 3e38;
-/// Upper bound on the cells of all density grids together: 2 GiB. Common drivers take no larger texel buffers.
-const MAX_CELLS: u64 = 1 << 27;
+/// Upper bound on the cells and blocks of all density grids together: 2 GiB. Common drivers take no larger texel buffers.
+const MAX_TEXELS: u64 = 1 << 27;
 /// Maximum number of media: a vertex has 12 bits for the code of its solid (`shared/solid.wgsl`).
 const MAX_MEDIA: usize = 4000;
 
@@ -92,14 +92,14 @@ pub fn interior_indices(scene: &Scene) -> Vec<Option<u32>> {
 
 /// One record per medium if a medium has a density grid, else none; and the cells and blocks of the grids.
 fn density_grids(scene: &Scene, space: &RenderSpace, media: usize) -> Result<(Vec<Grid>, Vec<grid::Texel>)> {
-    let cells: u64 = scene.media.iter().filter_map(|medium| medium.grid.as_ref()).map(grid::cell_count).sum();
-    if cells > MAX_CELLS {
+    let texels: u64 = scene.media.iter().filter_map(|medium| medium.grid.as_ref()).map(grid::texel_count).sum();
+    if texels > MAX_TEXELS {
         return Err(Error::Settings(format!(
-            "the density grids need {cells} cells on the device, more than {MAX_CELLS}; use grids with fewer voxels"
+            "the density grids need {texels} texels on the device, more than {MAX_TEXELS}; use grids with fewer voxels"
         )));
     }
     let (mut grids, mut densities) = (vec![], vec![]);
-    if cells > 0 {
+    if texels > 0 {
         grids = vec![Grid::zeroed(); media];
         for (record, medium) in grids.iter_mut().zip(&scene.media) {
             if let Some(grid) = &medium.grid {
@@ -124,4 +124,33 @@ fn convert(medium: &scene::Medium, space: &RenderSpace, phase_tables: &mut Vec<p
     };
     phase::set(&medium.phase, &mut record, phase_tables);
     record
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{DensityGrid, GridFilter, Material};
+    use glam::DAffine3;
+
+    /// A grid of 512 x 512 x 512 voxels has 2^27 cells, and its blocks come on top of them. No density is read before the refusal.
+    #[test]
+    fn the_blocks_of_grids_count() {
+        let refused = |resolution: [u32; 3]| {
+            let (bounds, transform) = ([DVec3::ZERO, DVec3::ONE], DAffine3::IDENTITY);
+            let grid = DensityGrid { resolution, density: vec![], bounds, transform, filter: GridFilter::Nearest };
+            let media = vec![scene::Medium { grid: Some(grid), ..scene::Medium::default() }];
+            density_grids(&Scene { media, ..Scene::default() }, &RenderSpace::metres(DVec3::ZERO), 1).err()
+        };
+        let message = refused([512; 3]).expect("an error").to_string();
+        assert!(message.contains("need 134479872 texels on the device, more than 134217728"), "{message}");
+    }
+
+    #[test]
+    fn media_inside_of_materials_follow_the_media_outside() {
+        let with = |interior| Material { interior, ..Material::glass("glass") };
+        let fog = scene::Medium::default();
+        let materials = [Some(fog.clone()), None, Some(fog.clone())].map(with).to_vec();
+        let scene = Scene { media: vec![fog], materials, ..Scene::default() };
+        assert_eq!(interior_indices(&scene), [Some(1), None, Some(2)]);
+    }
 }

@@ -26,6 +26,7 @@ mod observe;
 mod oversized;
 mod pace;
 pub mod phase;
+mod pinhole_in_fog;
 mod plan;
 mod pool;
 mod pool_layout;
@@ -49,8 +50,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use crate::error::{Error, Result};
-use crate::gpu::Device;
-use crate::gpu::buffer_desc;
+use crate::gpu::{Device, buffer_desc};
 use crate::image::accumulation::Iterations;
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;

@@ -1,6 +1,8 @@
-//! Checks the meshes that bound a medium: rays find out which side they are on only if the mesh is closed.
+//! The meshes that bound a medium. Rays find out which side they are on only if the mesh is closed and its triangles face outwards.
 
 use std::collections::HashMap;
+
+use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
 use crate::scene::{Mesh, Scene, surrounding_indices};
@@ -20,6 +22,19 @@ pub fn check(scene: &Scene) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether the triangles of a closed mesh face inwards: its signed volume is negative. A cavity counts as negative volume, so a hollow
+/// mesh is not inside out.
+pub fn is_inside_out(mesh: &Mesh) -> bool {
+    let position = |corner: u32| Vec3::from(mesh.positions[corner as usize]).as_dvec3();
+    // Far from the origin, volumes of tetrahedra with a corner there would lose digits.
+    let first = mesh.triangles.first().map_or(DVec3::ZERO, |triangle| position(triangle[0]));
+    let six_volumes = mesh.triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.map(|corner| position(corner) - first);
+        a.dot(b.cross(c))
+    });
+    six_volumes.sum::<f64>() < 0.0
 }
 
 /// Number of edges that lack a partner: a triangle that runs along the edge in the other direction. Corners at the same position
@@ -43,10 +58,10 @@ fn open_edges(mesh: &Mesh) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
+    use glam::DAffine3;
 
     use super::*;
-    use crate::generate::shapes::{ball, cuboid, icosphere, torus};
+    use crate::generate::shapes::{append, ball, cuboid, icosphere, inside_out, torus};
     use crate::scene::{Material, Medium};
 
     /// The colours of a mesh tint the light that passes through.
@@ -74,5 +89,18 @@ mod tests {
         let mut turned = cuboid(DVec3::ZERO, DVec3::ONE);
         turned.triangles[0].reverse();
         assert_eq!(open_edges(&turned), 3);
+    }
+
+    #[test]
+    fn a_mesh_whose_triangles_face_inwards_is_inside_out() {
+        let far = DVec3::splat(1e4);
+        for mesh in [cuboid(far, far + DVec3::ONE), icosphere(1.0, 2), torus(1.0, 0.3, 8, 6)] {
+            assert!(!is_inside_out(&mesh));
+            assert!(is_inside_out(&inside_out(mesh)));
+        }
+        // A hollow ball: the inner surface faces the cavity.
+        let mut hollow = icosphere(1.0, 2);
+        append(&mut hollow, &inside_out(icosphere(0.5, 2)), DAffine3::IDENTITY);
+        assert!(!is_inside_out(&hollow) && is_inside_out(&inside_out(hollow)));
     }
 }

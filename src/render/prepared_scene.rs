@@ -8,7 +8,7 @@ use super::geometry::Geometry;
 use super::media::Media;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, enclosed, far_objects, null_boundary, oversized};
+use super::{coplanar, enclosed, far_objects, null_boundary, oversized, pinhole_in_fog};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -133,9 +133,9 @@ impl PreparedScene {
     }
 
     /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
-    /// far too large, and objects that are far too distant. They also name lamps and pinholes inside of glass, and lamps in the plane of
-    /// another surface.
-    pub fn warnings(&self, scene: &Scene) -> Vec<String> {
+    /// far too large, and objects that are far too distant. They also name lamps and pinholes inside of glass, a lamp at the pinhole in
+    /// fog, and lamps in the plane of another surface.
+    pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
             let triangles = if count == 1 { "triangle is a copy of another" } else { "triangles are copies of others" };
@@ -147,8 +147,9 @@ impl PreparedScene {
         let oversized = oversized::warnings(scene, geometry, space);
         let far = far_objects::warnings(scene, geometry, space, self.powers());
         let enclosed = enclosed::warnings(scene, space, self.sensor, self.powers());
+        let at_pinhole = pinhole_in_fog::warning(scene, settings, space, self.sensor, self.powers());
         let coplanar = coplanar::warnings(scene, geometry, space);
-        copies.into_iter().chain(oversized).chain(far).chain(enclosed).chain(coplanar).collect()
+        copies.into_iter().chain(oversized).chain(far).chain(enclosed).chain(at_pinhole).chain(coplanar).collect()
     }
 
     /// Number of triangles over all instances, without copies.

@@ -117,6 +117,11 @@ impl Box3 {
         0.5 * (self.lo + self.hi)
     }
 
+    /// Whether the box consists of this point alone.
+    pub(super) fn is_at(&self, p: Vec3) -> bool {
+        self.lo == p && self.hi == p
+    }
+
     /// Distance of a point from the box; 0 inside.
     pub(super) fn distance_to(&self, p: Vec3) -> f64 {
         self.distance(&Box3::point(p))

@@ -9,6 +9,10 @@ use super::corners;
 
 /// Upper bound on scattering and absorption coefficients, per metre.
 pub const MAX_COEFFICIENT: f64 = 1e15;
+/// Upper bound on |g|, the mean cosine of a lobe: the cosines of narrower lobes exceed the precision of the device.
+pub const MAX_MEAN_COSINE: f64 = 0.999;
+/// Upper bound on the index of refraction and on the group index.
+pub const MAX_INDEX: f32 = 5.0;
 /// Smallest step between the cosines of a table. The device stores cosines as 32-bit floats.
 const MIN_STEP: f64 = 1e-6;
 /// Upper bound on the number of voxels of a grid: 2 GiB of densities.
@@ -26,10 +30,10 @@ pub struct Medium {
     pub sigma_a: [f64; 3],
     /// Distribution of the directions after scattering.
     pub phase: PhaseFunction,
-    /// Index of refraction, >= 1. A value other than 1 needs an unbounded medium, because bounds do not refract light. The
+    /// Index of refraction, from 1 to 5. A value other than 1 needs an unbounded medium, because bounds do not refract light. The
     /// relative index at the surface of a solid in the medium is then the solid's index over `ior`.
     pub ior: f32,
-    /// Group index, >= 1: it multiplies distances in the travel time. Like `ior`, it is 1 unless the medium is unbounded.
+    /// Group index, from 1 to 5: it multiplies distances in the travel time. Like `ior`, it is 1 unless the medium is unbounded.
     pub group_ior: f32,
     /// Lower and upper corner of an axis-aligned box in world space. Outside the box the medium is absent. `None`: no limit.
     pub bounds: Option<[DVec3; 2]>,
@@ -66,21 +70,21 @@ pub enum PhaseFunction {
     Isotropic,
     /// Henyey and Greenstein 1941.
     HenyeyGreenstein {
-        /// Mean cosine, in (-1, 1); positive values scatter forwards.
+        /// Mean cosine, from -0.999 to 0.999; positive values scatter forwards.
         g: f64,
     },
     /// A mixture of two Henyey-Greenstein lobes.
     DoubleHenyeyGreenstein {
-        /// Mean cosines of the lobes, each in (-1, 1).
+        /// Mean cosines of the lobes, each from -0.999 to 0.999.
         g: [f64; 2],
         /// Weight of the first lobe, in [0, 1].
         weight: f64,
     },
     /// A mixture of a Henyey-Greenstein lobe and a lobe of Draine 2003, which fits water droplets (Jendersie and d'Eon 2023).
     HenyeyGreensteinDraine {
-        /// Mean cosine of the Henyey-Greenstein lobe, in (-1, 1).
+        /// Mean cosine of the Henyey-Greenstein lobe, from -0.999 to 0.999.
         g: f64,
-        /// Parameter g of the Draine lobe, in (-1, 1).
+        /// Parameter g of the Draine lobe, from -0.999 to 0.999.
         g_draine: f64,
         /// Parameter alpha of the Draine lobe, >= 0.
         alpha: f64,
@@ -149,8 +153,8 @@ impl Medium {
         }
         self.phase.check(name)?;
         for (what, index) in [("an ior", self.ior), ("a group_ior", self.group_ior)] {
-            if !(index.is_finite() && index >= 1.0) {
-                return Err(format!("{name} has {what} of {index}; it must be 1 or more"));
+            if !(1.0..=MAX_INDEX).contains(&index) {
+                return Err(format!("{name} has {what} of {index}; it must be from 1 to {MAX_INDEX}"));
             }
             if index != 1.0 && !self.is_unbounded() {
                 return Err(format!(
@@ -180,11 +184,14 @@ impl Medium {
 
 impl PhaseFunction {
     fn check(&self, name: &str) -> Checked {
-        let mean_cosine = |g: f64| match g.abs() < 1.0 {
-            true => Ok(()),
-            false => Err(format!("{name} has a phase function with a g of {g}; it must be between -1 and 1")),
-        };
         let part = |what: &str| format!("{name} has a phase function with {what}");
+        let mean_cosine = |g: f64| match g.abs() <= MAX_MEAN_COSINE {
+            true => Ok(()),
+            false => Err(format!(
+                "{}; it must be from -{MAX_MEAN_COSINE} to {MAX_MEAN_COSINE}",
+                part(&format!("a g of {g}"))
+            )),
+        };
         match self {
             PhaseFunction::Isotropic | PhaseFunction::Rayleigh => Ok(()),
             PhaseFunction::HenyeyGreenstein { g } => mean_cosine(*g),
@@ -225,7 +232,8 @@ impl DensityGrid {
                 "{name} has a grid whose transform is not finite or flattens it; give an invertible matrix"
             ));
         }
-        check_bounds(&self.bounds, name, "bounds of its grid")
+        check_bounds(&self.bounds, name, "bounds of its grid")?;
+        check_distance(&corners(self.bounds, &self.transform), name, "a grid that reaches")
     }
 }
 
@@ -268,10 +276,17 @@ fn check_table(cosines: &[f64], values: &[f64], name: &str) -> Checked {
     Ok(())
 }
 
-fn check_bounds([lo, hi]: &[DVec3; 2], name: &str, what: &str) -> Checked {
-    if !lo.to_array().iter().chain(&hi.to_array()).all(|x| x.abs() <= MAX_COORDINATE) {
-        return Err(format!("{name} has {what} farther than {MAX_COORDINATE:e} m from the origin"));
+/// An error if a corner has a coordinate above [`MAX_COORDINATE`].
+fn check_distance(corners: &[DVec3], name: &str, what: &str) -> Checked {
+    match corners.iter().flat_map(DVec3::to_array).all(|x| x.abs() <= MAX_COORDINATE) {
+        true => Ok(()),
+        false => Err(format!("{name} has {what} farther than {MAX_COORDINATE:e} m from the origin")),
     }
+}
+
+fn check_bounds(bounds: &[DVec3; 2], name: &str, what: &str) -> Checked {
+    check_distance(bounds, name, what)?;
+    let [lo, hi] = bounds;
     match lo.cmplt(*hi).all() {
         true => Ok(()),
         false => Err(format!("{name} has {what} whose first corner is not below the second; swap the coordinates")),
@@ -318,11 +333,12 @@ mod tests {
 
     #[test]
     fn a_medium_that_breaks_a_rule_is_refused() {
-        let changes: [(&str, Change); 26] = [
+        let changes: [(&str, Change); 29] = [
             ("fog has a sigma_s of -1; it must be from 0", |m| m.sigma_s[1] = -1.0),
             ("fog has a sigma_a of NaN", |m| m.sigma_a[0] = f64::NAN),
             ("fog has a sigma_a of inf", |m| m.sigma_a[2] = f64::INFINITY),
-            ("a g of 1; it must be between", |m| m.phase = PhaseFunction::HenyeyGreenstein { g: 1.0 }),
+            ("a g of 1; it must be from", |m| m.phase = PhaseFunction::HenyeyGreenstein { g: 1.0 }),
+            ("a g of 0.9999;", |m| m.phase = PhaseFunction::HenyeyGreenstein { g: 0.9999 }),
             ("a g of NaN", |m| m.phase = PhaseFunction::HenyeyGreenstein { g: f64::NAN }),
             ("a g of -2", |m| m.phase = PhaseFunction::DoubleHenyeyGreenstein { g: [0.0, -2.0], weight: 0.5 }),
             ("a weight of 1.5", |m| m.phase = PhaseFunction::DoubleHenyeyGreenstein { g: [0.0; 2], weight: 1.5 }),
@@ -334,7 +350,8 @@ mod tests {
             ("increase from -1 to 1", |m| m.phase = table(&[], &[])),
             ("a value of -1", |m| m.phase = table(&[-1.0, 1.0], &[1.0, -1.0])),
             ("is 0 everywhere", |m| m.phase = table(&[-1.0, 1.0], &[0.0; 2])),
-            ("an ior of 0.9; it must be 1 or more", |m| m.ior = 0.9),
+            ("an ior of 0.9; it must be from 1 to 5", |m| m.ior = 0.9),
+            ("an ior of inf", |m| m.ior = f32::INFINITY),
             ("a group_ior of NaN", |m| m.group_ior = f32::NAN),
             ("an ior of 1.33 and a limited extent", |m| m.ior = 1.33),
             ("bounds whose first corner", |m| m.bounds = Some([DVec3::ONE, DVec3::new(2.0, 0.0, 2.0)])),
@@ -346,6 +363,9 @@ mod tests {
             ("a density of -1", |m| m.grid = Some(DensityGrid { density: vec![-1.0, 1.0], ..grid() })),
             ("transform is not finite or flattens", |m| {
                 m.grid = Some(DensityGrid { transform: DAffine3::from_scale(DVec3::X), ..grid() });
+            }),
+            ("a grid that reaches farther than", |m| {
+                m.grid = Some(DensityGrid { transform: DAffine3::from_scale(DVec3::splat(1e16)), ..grid() });
             }),
         ];
         for (part, change) in changes {

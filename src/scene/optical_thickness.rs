@@ -9,10 +9,10 @@ use super::medium::{DensityGrid, Medium};
 /// Number of points at which the density of a grid is read, per part of a ray in one medium.
 const POINTS: u32 = 256;
 
-/// Optical thickness of the media along the first `length` metres of a ray, as a mean over the channels. The fraction
-/// exp(-thickness) of the light goes straight on. `direction` is a unit vector; `length` may be infinite. Where media overlap,
-/// only the last one counts. The density of a grid is that of the nearest voxel.
-pub fn optical_thickness(media: &[Medium], origin: DVec3, direction: DVec3, length: f64) -> f64 {
+/// Optical thickness per channel of the media along the first `length` metres of a ray. The fraction exp(-thickness) of the light goes
+/// straight on. `direction` is a unit vector; `length` may be infinite. Where media overlap, only the last one counts. The density of
+/// a grid is that of the nearest voxel. Media inside of meshes do not count.
+pub fn optical_thickness(media: &[Medium], origin: DVec3, direction: DVec3, length: f64) -> [f64; 3] {
     let spans: Vec<Option<[f64; 2]>> = media.iter().map(|medium| medium.span(origin, direction)).collect();
     let ends = spans.iter().flatten().flatten().copied();
     let mut ends: Vec<f64> = ends.chain([0.0, length]).filter(|end| (0.0..=length).contains(end)).collect();
@@ -22,13 +22,14 @@ pub fn optical_thickness(media: &[Medium], origin: DVec3, direction: DVec3, leng
         let middle = if to.is_finite() { 0.5 * (from + to) } else { from + 1.0 };
         let contains = |span: &Option<[f64; 2]>| span.is_some_and(|[enter, leave]| enter <= middle && middle < leave);
         let medium = spans.iter().rposition(contains).map(|index| &media[index]);
-        medium.filter(|_| to > from).map_or(0.0, |medium| {
+        medium.filter(|_| to > from).map_or([0.0; 3], |medium| {
             let density = medium.mean_density(origin, direction, [from, to]);
-            // Clear air has no thickness, however far it reaches.
-            if medium.extinction() == 0.0 { 0.0 } else { medium.extinction() * density * (to - from) }
+            // A clear channel has no thickness, however far the medium reaches.
+            let thickness = |sigma: f64| if sigma == 0.0 { 0.0 } else { sigma * density * (to - from) };
+            [0, 1, 2].map(|channel| thickness(medium.sigma_s[channel] + medium.sigma_a[channel]))
         })
     };
-    ends.windows(2).map(part).sum()
+    ends.windows(2).map(part).fold([0.0; 3], |sum, part| [0, 1, 2].map(|channel| sum[channel] + part[channel]))
 }
 
 impl Medium {
@@ -97,11 +98,23 @@ mod tests {
         Medium { sigma_s: [sigma_s; 3], sigma_a: [0.3, 0.0, 0.0], bounds: Some([lo, hi]), ..Medium::default() }
     }
 
+    fn mean(thickness: [f64; 3]) -> f64 {
+        thickness.iter().sum::<f64>() / 3.0
+    }
+
+    #[test]
+    fn clear_channels_have_no_thickness() {
+        let water = Medium { sigma_a: [2.0, 0.5, 0.0], ..Medium::default() };
+        let along = |length: f64| optical_thickness(std::slice::from_ref(&water), DVec3::ZERO, DVec3::X, length);
+        assert_eq!(along(4.0), [8.0, 2.0, 0.0]);
+        assert_eq!(along(f64::INFINITY), [f64::INFINITY, f64::INFINITY, 0.0]);
+    }
+
     #[test]
     fn the_last_medium_counts_along_a_ray() {
         let everywhere = Medium { sigma_s: [0.2; 3], ..Medium::default() };
         let media = [everywhere, boxed(0.9, DVec3::new(1.0, -1.0, -1.0), DVec3::new(3.0, 1.0, 1.0))];
-        let along = |y: f64, length: f64| optical_thickness(&media, DVec3::new(0.0, y, 0.0), DVec3::X, length);
+        let along = |y: f64, length: f64| mean(optical_thickness(&media, DVec3::new(0.0, y, 0.0), DVec3::X, length));
         for (y, length, expected) in [
             (0.0, 10.0, 8.0 * 0.2 + 2.0 * 1.0),
             (0.0, 2.0, 0.2 + 1.0),
@@ -113,7 +126,7 @@ mod tests {
             let found = along(y, length);
             assert!(found == expected || (found - expected).abs() < 1e-12, "{y} {length}: {found}");
         }
-        let only_box = |direction: DVec3| optical_thickness(&media[1..], DVec3::ZERO, direction, f64::INFINITY);
+        let only_box = |direction: DVec3| mean(optical_thickness(&media[1..], DVec3::ZERO, direction, f64::INFINITY));
         assert!((only_box(DVec3::X) - 2.0).abs() < 1e-12);
         assert_eq!([only_box(DVec3::NEG_X), only_box(DVec3::Y)], [0.0, 0.0]);
     }
@@ -131,7 +144,7 @@ mod tests {
         let cloud = Medium { sigma_s: [0.1; 3], grid: Some(grid), ..Medium::default() };
         let scene = Scene { media: vec![cloud.clone()], ..Scene::default() };
         assert_eq!(scene.bounds(), Some([DVec3::ZERO, DVec3::new(4.0, 2.0, 2.0)]), "a scene of a grid alone");
-        let found = optical_thickness(&[cloud], DVec3::new(-5.0, 0.5, 0.5), DVec3::X, 100.0);
+        let found = mean(optical_thickness(&[cloud], DVec3::new(-5.0, 0.5, 0.5), DVec3::X, 100.0));
         assert!((found - 0.1 * (2.0 * 0.5 + 2.0 * 3.0)).abs() < 1e-9, "{found}");
     }
 }

@@ -167,9 +167,14 @@ fn a_scene_of_fog_and_a_lamp_needs_no_surfaces() {
     let with = |words: &[&'static str]| [words, &view].concat();
     let output = taugate(here.path(), &with(&["render", "fog.gltf", "--gate", "8m..9m", "--spp", "1", "-o", "a.exr"]));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(taugate(here.path(), &with(&["info", "fog.gltf"])).stdout).unwrap();
+    let text_of = |words: &[&'static str]| String::from_utf8(taugate(here.path(), &with(words)).stdout).unwrap();
+    let text = text_of(&["info", "fog.gltf"]);
     for part in ["mean free path 4.0000 m, 80.000 % scattered", "in all space", "optical thickness unlimited along"] {
         assert!(text.contains(part), "{text}");
     }
     assert!(!text.contains("triangles; export"), "{text}");
+    // Clear for blue light, which goes straight on forever.
+    let blue = text_of(&["info", "fog.gltf", "--sigma-a", "0.3,0.1,0"]);
+    let part = "optical thickness unlimited along the central ray";
+    assert!(blue.contains(part) && blue.contains("; 33.333 % of the light goes straight through"), "{blue}");
 }

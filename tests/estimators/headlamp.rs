@@ -14,6 +14,7 @@ use taugate::internals::settings::units::Gate;
 
 use super::agreement::{against, assert_none, oracle, unlike_estimators};
 use super::cells::{Cells, renderer, settings};
+use super::fog::fog;
 
 const INTENSITY: f32 = 3.0;
 const ALBEDO: f32 = 0.6;
@@ -95,4 +96,13 @@ fn estimators_agree_on_a_scene_that_has_neither_camera_nor_light() {
 fn estimators_agree_if_the_principal_point_is_off_the_centre() {
     let keys = "camera = { look-from = [0.1, 1.1, 2.9], resolution = '24x16', principal-point = [0.3, 0.8] }";
     agrees("principal point", &dark_box(keys), &[(8.0, 10.0), (0.0, f64::INFINITY)]);
+}
+
+/// The fog directly before a headlamp has no upper limit of brightness. Events may lie so near the lamp that squares of their distance
+/// would underflow, but no sample may be lost.
+#[test]
+fn fog_before_a_headlamp_gives_finite_samples() {
+    let mut renderer = renderer(&fog(DVec3::ZERO), &settings(Estimator::Lcs, [32, 32]).build().unwrap());
+    renderer.iterate(16).unwrap();
+    assert_eq!(renderer.stats().dropped, 0);
 }

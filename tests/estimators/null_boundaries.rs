@@ -1,7 +1,7 @@
 //! Null boundaries: fog in meshes that do not refract gives the same image as fog in boxes.
 
-use glam::DVec3;
-use taugate::internals::generate::shapes::cuboid;
+use glam::{DAffine3, DVec3};
+use taugate::internals::generate::shapes::{cuboid, inside_out};
 use taugate::internals::generate::stage::{add, camera, glass, material};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::scene::{Material, Medium, PhaseFunction, Scene};
@@ -27,16 +27,34 @@ fn fog(density: f64) -> [Medium; 2] {
     [thin, thick]
 }
 
-/// The room with the two media: in boxes, or in meshes. The camera stands inside of the larger one if `is_inside`.
-fn room(lamps: Light, density: f64, in_meshes: bool, is_inside: bool) -> Scene {
+/// What bounds the two media.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Bounds {
+    Boxes,
+    Meshes,
+    /// Meshes whose triangles face inwards. The instance of the second one is mirrored.
+    MeshesInsideOut,
+}
+
+/// The room with the two media. The camera stands inside of the larger one if `is_inside`.
+fn room(lamps: Light, density: f64, bounds: Bounds, is_inside: bool) -> Scene {
     let mut scene = zoo(lamps);
     for (medium, [lo, hi]) in fog(density).into_iter().zip([LARGE, SMALL]) {
-        if in_meshes {
-            let null = material(&mut scene, Material { interior: Some(medium), ior: 1.0, ..glass("null") });
-            add(&mut scene, "fog", null, cuboid(lo, hi));
-        } else {
+        if bounds == Bounds::Boxes {
             scene.media.push(Medium { bounds: Some([lo, hi]), ..medium });
+            continue;
         }
+        let null = material(&mut scene, Material { interior: Some(medium), ior: 1.0, ..glass("null") });
+        let mesh = cuboid(lo, hi);
+        add(&mut scene, "fog", null, if bounds == Bounds::Meshes { mesh } else { inside_out(mesh) });
+    }
+    if bounds == Bounds::MeshesInsideOut {
+        let instance = scene.instances.last_mut().unwrap();
+        instance.transform = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        // A reflection turns the mesh inside out as well, so the mesh is turned twice.
+        let mesh = &mut scene.meshes[instance.mesh as usize];
+        *mesh = inside_out(std::mem::take(mesh));
+        mesh.positions.iter_mut().for_each(|p| p[0] = -p[0]);
     }
     if is_inside {
         scene.cameras.clear();
@@ -52,13 +70,15 @@ fn image(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2], iterations: u3
 
 /// Compares images of fog in meshes with an image of fog in boxes. Fog with 1.5 times the density must differ.
 fn compare(lamps: Light, is_inside: bool, gate: [f64; 2], estimators: &[Estimator], iterations: u32) {
-    let boxes = image(&room(lamps, 1.0, false, is_inside), Estimator::Lcs, gate, iterations, 1);
+    let boxes = image(&room(lamps, 1.0, Bounds::Boxes, is_inside), Estimator::Lcs, gate, iterations, 1);
     for &estimator in estimators {
-        let meshes = image(&room(lamps, 1.0, true, is_inside), estimator, gate, iterations, 100);
-        eprintln!("{estimator} {gate:?}: {:?}, in boxes {:?}", meshes.whole(), boxes.whole());
-        assert_none(disagreements(&boxes, &meshes));
+        for bounds in [Bounds::Meshes, Bounds::MeshesInsideOut] {
+            let meshes = image(&room(lamps, 1.0, bounds, is_inside), estimator, gate, iterations, 100);
+            eprintln!("{estimator} {gate:?} {bounds:?}: {:?}, in boxes {:?}", meshes.whole(), boxes.whole());
+            assert_none(disagreements(&boxes, &meshes));
+        }
     }
-    let denser = image(&room(lamps, 1.5, true, is_inside), Estimator::Bdpt, gate, iterations, 100);
+    let denser = image(&room(lamps, 1.5, Bounds::Meshes, is_inside), Estimator::Bdpt, gate, iterations, 100);
     assert!(!disagreements(&boxes, &denser).is_empty(), "{gate:?}");
 }
 

@@ -141,11 +141,11 @@ fn the_last_medium_counts_along_a_ray() {
 }
 
 /// Flights of a kind through a gate; the lamp is at (-2, 1.5, 0.2).
-fn flights(kind: u32, gate: [f32; 2]) -> Vec<Flight> {
+fn flights(media: &[Medium], kind: u32, gate: [f32; 2]) -> Vec<Flight> {
     let mut pcg = Pcg::new(8);
     let draws: Vec<Draw> =
         (0..400_000).map(|_| Draw { u: [pcg.uniform() as f32, pcg.uniform() as f32], kind, pad: 0 }).collect();
-    let buffers = buffers(&media(), |f| {
+    let buffers = buffers(media, |f| {
         (f.emitter_lo, f.emitter_hi) = ([-2.0, 1.5, 0.2], [-2.0, 1.5, 0.2]);
         [f.gate_lo, f.gate_hi] = gate;
     });
@@ -182,7 +182,7 @@ fn flights_have_the_mean_of_the_transmittance_and_of_the_scattered_light() {
     let (o, d) = (DVec3::new(-3.0, 0.1, 0.2), DVec3::X);
     let [transmitted, scattered] = march(o, d, 6.0, 200_000);
     for (kind, gate) in [(0, [0.0; 2]), (1, [0.0; 2]), (2, [5.0, 30.0])] {
-        let found = flights(kind, gate);
+        let found = flights(&media(), kind, gate);
         check(&format!("kind {kind}"), &found, transmitted, scattered);
         let inside = |f: &Flight| coefficients(o + f64::from(f.distance) * d)[0].max_element() > 0.0;
         // An event at the very end of a medium may be rounded out of it.
@@ -196,11 +196,23 @@ fn flights_have_the_mean_of_the_transmittance_and_of_the_scattered_light() {
 fn guided_flights_end_inside_the_gate() {
     let last = reach(6.0 - 0.5);
     let [_, scattered] = march(DVec3::new(-3.0, 0.1, 0.2), DVec3::X, last, 200_000);
-    let found = flights(2, [5.0, 6.0]);
+    let found = flights(&media(), 2, [5.0, 6.0]);
     check("guided", &found, DVec3::ZERO, scattered);
     assert!(found.iter().all(|f| f.scattered == 1 && f64::from(f.distance) < last + 1e-5));
     let first = reach(5.0 - 0.5);
     let share = found.iter().filter(|f| f64::from(f.distance) > first).count() as f64 / found.len() as f64;
     let unguided = 1.0 - march(DVec3::new(-3.0, 0.1, 0.2), DVec3::X, first, 200_000)[1].x / scattered.x;
     assert!(share > 0.5 && unguided < 0.5, "{share}, {unguided}");
+}
+
+/// A guided event may lie in the gap between two boxes. It carries no light, but its medium must exist.
+#[test]
+fn events_between_two_boxes_have_a_medium() {
+    let [large, small] = media();
+    let apart = [Medium { hi: [-0.5, 1.0, 1.0], ..large }, small];
+    let found = flights(&apart, 2, [5.0, 30.0]);
+    let events = || found.iter().filter(|f| f.scattered == 1);
+    assert!(events().all(|f| f.medium < 2));
+    let in_gap = events().filter(|f| f.distance > 2.6 && f.distance < 3.4);
+    assert!(in_gap.clone().count() > 1000 && in_gap.clone().all(|f| f.weight == [0.0; 3]));
 }

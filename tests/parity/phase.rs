@@ -3,16 +3,20 @@
 use std::f64::consts::TAU;
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::oracle::fog::integrate;
 use taugate::internals::oracle::phase::Phase;
+use taugate::internals::render::leaf_record;
 use taugate::internals::render::phase::{mean_cosine, set};
 use taugate::internals::scene::PhaseFunction;
-use taugate::internals::wgsl::layout::Medium;
+use taugate::internals::wgsl::layout::constants::VERTEX_IN_MEDIUM;
+use taugate::internals::wgsl::layout::{Medium, PathVertex};
 
 use crate::shader_function::{ShaderFunction, contents};
+use crate::values::{direction, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&PHASE];
+pub const KERNELS: &[&ShaderFunction] = &[&PHASE, &ROUNDED_EVENT];
 
 const PHASE: ShaderFunction = ShaderFunction {
     imports: &["phase"],
@@ -23,6 +27,19 @@ const PHASE: ShaderFunction = ShaderFunction {
         result.cosine = sample_phase_cosine(m, vec2<f32>(input.u, input.lobe));",
 };
 
+/// An event in a medium as its leaf record describes it: the direction to its previous vertex is rounded.
+const ROUNDED_EVENT: ShaderFunction = ShaderFunction {
+    imports: &["leaf"],
+    input: "to_previous: vec3<f32>, direction: u32, w: vec3<f32>, pad: u32",
+    result: "exact: f32, rounded: f32",
+    body: "var v: PathVertex;
+        v.flags = VERTEX_IN_MEDIUM;
+        v.to_previous = input.to_previous;
+        result.exact = 4.0 * PI * phase_value(load_medium(0u), -dot(input.to_previous, input.w));
+        v.to_previous = normalize(unpack_direction(input.direction));
+        result.rounded = outgoing_light(v, input.w, 0.0);",
+};
+
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Angle {
@@ -30,6 +47,15 @@ struct Angle {
     u: f32,
     medium: u32,
     lobe: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Event {
+    to_previous: [f32; 3],
+    direction: u32,
+    w: [f32; 3],
+    pad: u32,
 }
 
 fn draine(g: f64, g_draine: f64, alpha: f64, weight_draine: f64) -> PhaseFunction {
@@ -56,6 +82,7 @@ fn functions() -> [Vec<PhaseFunction>; 2] {
         draine(0.0, 0.58, 25.0, 1.0),
         draine(0.0, -0.4, 1e3, 1.0),
         draine(0.0, 0.9, 3.0, 1.0),
+        draine(0.0, -0.95, 3.0, 1.0),
         table(&[-1.0, 1.0], &[1.0, 0.0]),
         table(&[-1.0, -0.5, 0.5, 0.7, 1.0], &[0.5, 0.0, 0.0, 0.2, 6.0]),
         table(&many, &peak),
@@ -63,6 +90,8 @@ fn functions() -> [Vec<PhaseFunction>; 2] {
     let mixtures = vec![
         PhaseFunction::DoubleHenyeyGreenstein { g: [0.9, -0.3], weight: 0.75 },
         lobe(0.99),
+        lobe(0.999),
+        lobe(-0.999),
         draine(0.99, 0.58, 25.0, 0.49),
     ];
     [single, mixtures]
@@ -80,8 +109,12 @@ fn evaluate(functions: &[PhaseFunction], count: u32) -> Vec<(Angle, [f32; 2])> {
         })
         .collect();
     let mut pcg = Pcg::new(3);
-    let mut draw = |medium| Angle {
-        cosine: 2.0 * pcg.uniform() as f32 - 1.0,
+    // Half of the cosines are uniform, and half lie where the function scatters to.
+    let mut draw = |medium: u32| Angle {
+        cosine: match pcg.uniform() < 0.5 {
+            true => 2.0 * pcg.uniform() as f32 - 1.0,
+            false => Phase::new(&functions[medium as usize]).sample(DVec3::Z, &mut pcg).z.clamp(-1.0, 1.0) as f32,
+        },
         u: pcg.uniform() as f32,
         medium,
         lobe: pcg.uniform() as f32,
@@ -146,4 +179,29 @@ fn mixtures_have_their_mean_cosine() {
         // A mean that is wrong by 2 % is rejected.
         assert!((mean - 1.02 * expected).abs() > 0.008, "{function:?}: {mean}, {expected}");
     }
+}
+
+/// A query must be able to choose each event that scatters light towards the shade point.
+#[test]
+fn rounded_events_may_contribute_wherever_their_table_is_positive() {
+    let cosines = vec![-1.0, -0.5, 0.5, 0.7, 1.0];
+    let table = PhaseFunction::Table { cosines, values: vec![0.5, 0.0, 0.0, 0.2, 6.0] };
+    let (mut medium, mut nodes) = (Medium::zeroed(), vec![]);
+    set(&table, &mut medium, &mut nodes);
+    let mut pcg = Pcg::new(9);
+    let inputs: Vec<Event> = (0..100_000)
+        .map(|_| {
+            let (flags, to_previous) = (VERTEX_IN_MEDIUM, vec3(direction(&mut pcg)));
+            let record = leaf_record(&PathVertex { flags, to_previous, ..Zeroable::zeroed() });
+            Event { to_previous, direction: record.direction, w: vec3(direction(&mut pcg)), pad: 0 }
+        })
+        .collect();
+    let buffers = [contents("media", &[medium]), contents("phase_tables", &nodes)];
+    let found: Vec<[f32; 2]> =
+        ROUNDED_EVENT.compile(&[("HAS_PHASE_TABLES", 1.0), ("QUERIED_PUNCTUAL", 0.0)]).run(&inputs, &buffers);
+    for (input, [exact, rounded]) in inputs.iter().zip(&found) {
+        assert!(*exact == 0.0 || *rounded > 0.0, "{input:?}: {exact}, {rounded}");
+    }
+    let lit = found.iter().filter(|[exact, _]| *exact > 0.0).count();
+    assert!(lit > found.len() / 4 && lit < found.len() * 3 / 4, "{lit}");
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use taugate::internals::render::Haze;
-use taugate::internals::scene::{Medium as SceneMedium, PhaseFunction};
+use taugate::internals::scene::{Medium as SceneMedium, PhaseFunction, Scene};
 
 use crate::app::feasible::short;
 
@@ -74,28 +74,68 @@ impl Medium {
     }
 }
 
-/// Optical thickness of the media along camera rays. `None` stands for infinity: a ray that leaves the scene through a medium.
+/// Optical thickness of the media along camera rays, without media inside of meshes. `None` stands for infinity: a ray that leaves the
+/// scene through a medium.
 #[derive(Serialize)]
 pub struct Thickness {
     centre: Option<f64>,
     least: Option<f64>,
     greatest: Option<f64>,
+    /// Fraction of the light that goes straight through the centre, as a mean over the channels.
+    transmitted: f64,
+    /// Whether the scene has media inside of meshes, which do not count here.
+    leaves_out_interiors: bool,
 }
 
 impl Thickness {
-    pub fn new(haze: Haze) -> Thickness {
+    pub fn new(haze: Haze, scene: &Scene) -> Thickness {
         let finite = |x: f64| x.is_finite().then_some(x);
-        Thickness { centre: finite(haze.centre), least: finite(haze.least), greatest: finite(haze.greatest) }
+        Thickness {
+            centre: finite(haze.centre),
+            least: finite(haze.least),
+            greatest: finite(haze.greatest),
+            transmitted: haze.transmitted,
+            leaves_out_interiors: scene
+                .meshes
+                .iter()
+                .any(|mesh| scene.materials[mesh.material as usize].interior.is_some()),
+        }
     }
 
     pub fn describe(&self) -> String {
         let number = |x: Option<f64>| x.map_or("unlimited".into(), short);
-        let left = self.centre.map_or("none of".into(), |x| format!("{} % of", short(100.0 * (-x).exp())));
+        let left = match self.transmitted {
+            0.0 => "none of".into(),
+            fraction => format!("{} % of", short(100.0 * fraction)),
+        };
+        let without = if self.leaves_out_interiors { " (without media inside of meshes)" } else { "" };
         format!(
-            "optical thickness {} along the central ray, from {} to {} over the view; {left} the light goes straight through the centre",
+            "optical thickness{without} {} along the central ray, from {} to {} over the view; {left} the light goes straight through \
+             the centre",
             number(self.centre),
             number(self.least),
             number(self.greatest)
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use taugate::internals::scene::{Material, Mesh};
+
+    use super::*;
+
+    #[test]
+    fn the_thickness_says_that_media_inside_of_meshes_do_not_count() {
+        let haze = Haze { centre: 2.0, least: 1.0, greatest: f64::INFINITY, transmitted: 0.25 };
+        let text = |interior: Option<SceneMedium>| {
+            let (materials, meshes) = (vec![Material { interior, ..Material::glass("glass") }], vec![Mesh::default()]);
+            Thickness::new(haze, &Scene { materials, meshes, ..Scene::default() }).describe()
+        };
+        let rest = "2.0000 along the central ray, from 1.0000 to unlimited over the view; 25.000 % of the light goes straight through \
+                    the centre";
+        assert_eq!(text(None), format!("optical thickness {rest}"));
+        let without = "optical thickness (without media inside of meshes)";
+        assert_eq!(text(Some(SceneMedium::default())), format!("{without} {rest}"));
     }
 }

@@ -32,7 +32,7 @@ impl Renderers {
         let mut full = Renderer::from_prepared(device, scene, settings, &prepared)?;
         estimate_variance(&mut full, settings);
         let previews = previews(&full, scene, settings, &prepared)?;
-        let warnings = prepared.warnings(scene);
+        let warnings = prepared.warnings(scene, settings);
         Ok(Renderers { prepared, full, previews, warnings })
     }
 
