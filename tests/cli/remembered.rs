@@ -7,23 +7,10 @@ use serde_json::Value;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use crate::{fails, folder, taugate};
+use crate::fails;
+use crate::sums::{run, with_box};
 
 const SMALL: [&str; 6] = ["--resolution", "8x6", "--light-paths", "500", "--sampling", "uniform"];
-
-fn with_box() -> tempfile::TempDir {
-    let here = folder();
-    run(here.path(), &["generate", "cornell-box", "-o", "box.glb"]);
-    here
-}
-
-/// Runs a command that must succeed. Returns what it prints on stderr.
-fn run(here: &Path, arguments: &[&str]) -> String {
-    let output = taugate(here, arguments);
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{arguments:?}: {message}");
-    message
-}
 
 fn render(here: &Path, flags: &[&str]) -> String {
     run(here, &[&["render", "box.glb"], &SMALL[..], flags].concat())

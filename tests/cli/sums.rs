@@ -10,14 +10,14 @@ use crate::{fails, folder, names, taugate};
 
 const SMALL: [&str; 8] = ["--resolution", "24x16", "--gate", "5m..6m", "--light-paths", "1000", "--max-depth", "5"];
 
-fn with_box() -> tempfile::TempDir {
+pub fn with_box() -> tempfile::TempDir {
     let here = folder();
     run(here.path(), &["generate", "cornell-box", "-o", "box.glb"]);
     here
 }
 
-/// Runs a command that must succeed. Returns what it prints.
-fn run(here: &Path, arguments: &[&str]) -> String {
+/// Runs a command that must succeed. Returns what it prints on stderr.
+pub fn run(here: &Path, arguments: &[&str]) -> String {
     let output = taugate(here, arguments);
     let message = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{arguments:?}: {message}");
