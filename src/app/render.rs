@@ -218,7 +218,7 @@ impl Session {
             renderer.resume(earlier.sums)?;
         }
         self.interrupts.end_the_process_at(Interrupt::Second);
-        let stop = &*self.interrupts.stop;
+        let stop = &self.interrupts.stop;
         let (strict, may_be_dark) =
             (experiment.render.strict.unwrap_or(false), self.may_be_dark(&experiment, settings));
         let rendering = Instant::now();

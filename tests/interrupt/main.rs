@@ -252,3 +252,22 @@ fn two_outputs_that_are_links_to_one_file_are_refused() {
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("out.exr and out.png are links to one file"), "{message}");
 }
+
+/// An iteration of a large image may take minutes. The bug: an interrupt waited for its end.
+#[test]
+fn an_interrupt_abandons_the_iteration() {
+    let folder = with_box();
+    let render =
+        ["render", "box.glb", "--gate", "6.2m..6.5m", "--resolution", "512x512", "--spp", "10000", "-o", "out.exr"];
+    let mut child = taugate(folder.path(), &render).stderr(Stdio::piped()).spawn().expect("taugate starts");
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let is_progress = |line: &String| line.contains(" of 10000 samples");
+    let first = lines.find(is_progress).expect("progress after the first iteration");
+    // The next iteration takes seconds.
+    std::thread::sleep(Duration::from_millis(200));
+    assert_eq!(interrupt(&mut child, "-INT").code(), Some(130));
+    let rest: Vec<String> = lines.collect();
+    assert!(!rest.iter().any(is_progress), "after '{first}': {rest:?}");
+    let samples = first.split(' ').next().unwrap();
+    assert!(rest.iter().any(|line| line.contains(&format!(" {samples} samples per pixel"))), "{first}, {rest:?}");
+}

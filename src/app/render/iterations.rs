@@ -1,5 +1,6 @@
 //! The loop of a render: iterations until the budget is used.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -21,14 +22,15 @@ pub struct Done {
     pub failure: Option<Error>,
 }
 
-/// Adds iterations until the budget is used or an interrupt arrives.
+/// Adds iterations until the budget is used or an interrupt arrives. An interrupt abandons the present iteration, which may take long,
+/// except if this would leave no image: the first iteration, and those of several responses.
 pub struct Iterations<'a> {
     pub settings: &'a Settings,
     pub shard: Shard,
     /// Work of earlier processes on this render.
     pub before: Before,
     pub strict: bool,
-    pub stop: &'a AtomicBool,
+    pub stop: &'a Arc<AtomicBool>,
 }
 
 impl Iterations<'_> {
@@ -54,6 +56,7 @@ impl Iterations<'_> {
         // Sums that the render continues may contain such samples.
         finite(renderer)?;
         let mut done = Done::default();
+        let never = Arc::default();
         loop {
             renderer.go_to_next_of(shard);
             let elapsed = started.elapsed() + Duration::from_secs_f64(before.seconds);
@@ -64,12 +67,14 @@ impl Iterations<'_> {
             if samples == 0 || black || stop.load(Ordering::Relaxed) {
                 return Ok(done);
             }
-            match renderer.iterate(samples) {
+            let may_abandon = renderer.film().samples() > 0 && !renderer.has_responses();
+            match renderer.iterate_unless(samples, if may_abandon { stop } else { &never }) {
+                Ok(false) => return Ok(done),
                 Err(error) if error.kind() == ErrorKind::Device && renderer.film().samples() > 0 => {
                     return Ok(Done { failure: Some(error), ..done });
                 }
                 result => result?,
-            }
+            };
             done.schedule.push(samples);
             finite(renderer)?;
             watch(renderer, before.seconds + started.elapsed().as_secs_f64(), progress);
