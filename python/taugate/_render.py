@@ -23,8 +23,8 @@ def render(scene, *, progress=None, **settings):
     seconds. The same settings give the same bits as the program. ``camera`` may be a :class:`Camera`.
 
     ``progress``: a function that gets a :class:`Progress` after each iteration, or ``True`` for a progress bar (tqdm, if it is installed). A
-    function that is slower than the iterations gets the newest one. An exception of the function ends the render. An interrupt (Ctrl-C) raises :class:`Interrupted`, and
-    the loss of the device raises :class:`DeviceError`. Their ``image`` is the image so far.
+    function that is slower than the iterations gets the newest one. An exception of the function ends the render. An interrupt (Ctrl-C)
+    raises :class:`Interrupted`, and the loss of the device raises :class:`DeviceError`. Their ``image`` is the image so far.
     """
     return _run("render", Image, True, scene, progress, settings)
 

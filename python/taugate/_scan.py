@@ -144,8 +144,8 @@ def scan(scene, *, progress=None, **settings):
     """Measures a scan and returns a :class:`Scan`.
 
     ``scene`` is an experiment (.toml) with a table ``[scan]``, or a :class:`Scene` that was loaded from one. Keyword arguments and ``progress`` are
-    as for :func:`render`; ``spp`` counts samples per pair of points. An interrupt raises :class:`Interrupted`, and
-    the loss of the device raises :class:`DeviceError`. Their ``image`` is the scan so far.
+    as for :func:`render`; ``spp`` counts samples per pair of points. An interrupt raises :class:`Interrupted`, and the loss of the device
+    raises :class:`DeviceError`. Their ``image`` is the scan so far.
     """
     scene = scene if isinstance(scene, Scene) else load(scene)
     native, flags = scene._job(settings, "scan")

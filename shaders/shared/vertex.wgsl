@@ -65,8 +65,8 @@ override QUERIED_PUNCTUAL: bool = true;
 const MIN_TABLE_LIGHT: f32 = 1e-3;
 
 // Light that v sends along `w` (unit), relative to its throughput. A surface counts as diffuse, with a cosine of at least
-// `min_cosine`. For an event in a medium, the result is exact up to the factor 4 pi. For a punctual light, it is exact: 0 outside the
-// cone of a spot.
+// `min_cosine`. For an event in a medium, the result is exact up to the factor 4 pi, but at least MIN_TABLE_LIGHT if the phase function
+// is a table. For a punctual light, it is exact: 0 outside the cone of a spot.
 fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (is_in_medium(v)) {
         let m = load_medium(v.material);

@@ -29,8 +29,8 @@ pub fn experiment(path: &Path, about: &About) -> Result<Experiment> {
         .map_err(|e| Error::File { path: path.into(), message: format!("its settings cannot be read: {e}") })
 }
 
-/// The responses of the sums in the file `path`, from the settings in it, and a warning if it is not known whether they are the
-/// responses of the render. Fails if a file of `--response` has changed since the render.
+/// The responses of the sums in the file `path`, from the settings in it. Fails if a file of `--response` has changed since the render.
+/// The second result is a warning if the sums do not record what such a file contained.
 pub fn responses(path: &Path, about: &About) -> Result<(Responses, Option<String>)> {
     let fail = |message: String| Error::File { path: path.into(), message };
     let responses = chosen(&experiment(path, about)?.gate)?;

@@ -120,12 +120,14 @@ fn bytes_of(values: usize) -> u64 {
 /// Fails if the light in the file needs more memory than is `free`.
 fn check_readable_in(free: Option<u64>, path: &Path) -> Result<(), Error> {
     let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    let needed = match () {
+    let needed = if has_extension(path, "npy") {
         // The bytes of the file, and the numbers in them.
-        () if has_extension(path, "npy") => 2 * length,
+        2 * length
+    } else if accumulated::is_sums(path) {
         // The sums, and the means of 32 bits.
-        () if accumulated::is_sums(path) => length + length / 2,
-        () => return Ok(()),
+        length + length / 2
+    } else {
+        return Ok(());
     };
     memory::check_bytes(needed, free, &format!("the light in {}", path.display()), REMEDY)
 }

@@ -124,16 +124,16 @@ impl CellBatches {
     /// Mean over the pixels of `cells` in one channel, and the variance of that mean. Needs at least two batches.
     ///
     /// The mean is m = sum_i p_i x_i, where x_i is the mean of batch i, and p_i its share of all samples. The variance is
-    /// sum_i p_i^2 (x_i - m)^2 / (1 - p_i): the estimate HC2 of MacKinnon and White 1985. Let v_i be the
-    /// variance of x_i. The true variance is then V = sum_i p_i^2 v_i, and the estimate has the expectation
+    /// sum_i p_i^2 (x_i - m)^2 / (1 - p_i): the estimate HC2 of MacKinnon and White 1985. Let v_i be the variance of x_i. The true
+    /// variance is then V = sum_i p_i^2 v_i, and the estimate has the expectation
     /// sum_i p_i^2 ((1 - 2 p_i) v_i + V) / (1 - p_i). This is V
     ///
     /// * if v_i is inversely proportional to p_i, as the noise of samples is: V / v_i is p_i,
     /// * if all p_i are equal, whatever the v_i are.
     ///
     /// The noise of light subpaths is the third case: all v_i are equal, because an iteration has the same number of light subpaths
-    /// whether it has 2 samples or 8. With the lengths of [`crate::render::schedule`] and at least 8 iterations, the estimate is then at most 2 %
-    /// too small. The estimate sum_i p_i (x_i - m)^2 / (n - 1), which assumes the noise of samples, would be up to 23 % too small.
+    /// whether it has 2 samples or 8. With the lengths of [`crate::render::schedule`] and at least 8 iterations, the estimate is then at
+    /// most 2 % too small. The estimate sum_i p_i (x_i - m)^2 / (n - 1), which assumes the noise of samples, would be up to 23 % too small.
     pub fn pooled(&self, cells: &[usize], channel: usize) -> (f64, f64) {
         let pixels: f64 = cells.iter().map(|&c| self.pixels(c) as f64).sum();
         let sum_of = |sums: &[f64]| cells.iter().map(|&c| sums[3 * c + channel]).sum::<f64>() / pixels;

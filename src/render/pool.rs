@@ -74,8 +74,8 @@ impl LightPool {
         stats.scattered_vertices += self.scattered.len() as u64;
         // Trees leave out vertices whose power is not finite. Without trees, connections to them are not finite, and count.
         if matches!(plan.estimator.pool_order, PoolOrder::Trees | PoolOrder::ByTime) {
-            let mut vertices = self.emitter_points.iter().chain(&self.scattered);
-            stats.dropped += vertices.by_ref().filter(|(_, vertex)| !power(vertex).is_finite()).count() as u64;
+            let vertices = self.emitter_points.iter().chain(&self.scattered);
+            stats.dropped += vertices.filter(|(_, vertex)| !power(vertex).is_finite()).count() as u64;
         }
         Ok(stats.timed(stage::BUILD_TREES, || match plan.estimator.pool_order {
             PoolOrder::ByPath => self.by_path(plan.light_paths),

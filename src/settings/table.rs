@@ -224,10 +224,10 @@ table! {
 table! {
     /// `[render]`: how the image is computed. At most one of `spp` and `time`.
     impl Settings for RenderTable {
-        /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), epc (ellipsoidal path connections), lcs-paper (light-cone shell queries of the paper),
-        /// lcs (light-cone shell queries with importance and resampling) [default with a gate: lcs, or bdpt if the gate is wider than
-        /// 0.4 times the scene's diagonal (or one of --gates, or all of them together in a scene with mirrors, glass or sharp gloss); without a gate: pt, or bdpt if the scene has mirrors, glass, sharp gloss,
-        /// a beam or fog; in thick fog: lcs]
+        /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), epc (ellipsoidal path connections), lcs-paper (light-cone
+        /// shell queries of the paper), lcs (light-cone shell queries with importance and resampling) [default: lcs for gates up to 0.4
+        /// times the scene's diagonal, and in thick fog; bdpt for wider gates; without a gate pt, or bdpt if the scene has mirrors,
+        /// glass, sharp gloss, a beam or fog]
         estimator: Estimator, Setting::sampling("estimator", "NAME");
 
         /// Strategies (s, t) that connect subpaths: all, or paper (s >= 1 and t >= 2: no sensor path that hits an emitter, no

@@ -76,8 +76,8 @@ fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
     }
 }
 
-/// A surface with alpha anywhere in the scene makes the first hit of a beam random, so the pool gets no vertex of its own for the beam.
-/// The bug: the subpaths that are left hardly ever started at a beam beside a far stronger lamp.
+/// If any surface has alpha, the first hit of a beam is random. Then the pool gets no vertex of its own for the beam. The bug: the
+/// subpaths that are left hardly ever started at a beam beside a far stronger lamp.
 #[test]
 fn a_weak_beam_keeps_its_light_where_a_surface_has_alpha() {
     let mut scene = beam_beside_a_lamp();

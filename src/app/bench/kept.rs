@@ -40,8 +40,8 @@ impl Bench {
             let old = unused(|n| path.with_file_name(format!("results.old{n}.csv")));
             std::fs::copy(&path, &old).map_err(|e| Error::File { path: old.clone(), message: e.to_string() })?;
             progress.line(&format!(
-                "note: {} of {all} rows of {} are by another version of the renderer, on another device, or for other settings or times, and are ignored; \
-                 {} keeps them",
+                "note: {} of {all} rows of {} are by another version of the renderer, on another device, or for other settings or times, and \
+                 are ignored; {} keeps them",
                 all - rows.len(),
                 path.display(),
                 old.display()

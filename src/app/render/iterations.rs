@@ -69,12 +69,13 @@ impl Iterations<'_> {
             }
             let may_abandon = renderer.film().samples() > 0 && !renderer.has_responses();
             match renderer.iterate_unless(samples, if may_abandon { stop } else { &never }) {
+                Ok(true) => {}
                 Ok(false) => return Ok(done),
                 Err(error) if error.kind() == ErrorKind::Device && renderer.film().samples() > 0 => {
                     return Ok(Done { failure: Some(error), ..done });
                 }
-                result => result?,
-            };
+                Err(error) => return Err(error.into()),
+            }
             done.schedule.push(samples);
             finite(renderer)?;
             watch(renderer, before.seconds + started.elapsed().as_secs_f64(), progress);

@@ -33,7 +33,8 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
     })
 }
 
-/// Fog is thick if light scatters at least this often, on average, on a way as long as the diagonal of the fog or of the scene.
+/// Fog is thick from this mean number of scattering events on, along the diagonal of the fog, or of the scene if that is shorter
+/// (docs/notebook/no-gate.md).
 const THICK: f64 = 3.0;
 
 /// How much the media of the scene scatter. Media inside of meshes count as thin, because their size is not known here.

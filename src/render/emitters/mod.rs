@@ -23,7 +23,8 @@ pub use sky::table as sky_table;
 
 /// The emitters in the layout that the kernels read.
 pub struct EmitterSet {
-    /// Alias table over flux, in which beams have at least [`MIN_BEAM_SHARE`]: first triangles, then lights without a surface. Beams of zero radius are last.
+    /// Alias table over flux, in which beams have at least [`MIN_BEAM_SHARE`]. First come triangles, then lights without a surface;
+    /// beams of zero radius are last.
     pub table: Vec<Emitter>,
     /// Point lights, spot lights and suns as light vertices. Each shade point connects to all of them, or to a selection if they are
     /// many.

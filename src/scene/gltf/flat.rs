@@ -4,7 +4,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use crate::scene::Mesh;
 
-/// A mesh is flat if its thickness is at most this fraction of its largest coordinate: a thickness below this can be rounding.
+/// A mesh is flat if its thickness is at most this fraction of its largest coordinate. Rounding can cause such a thickness.
 const FLAT: f64 = 1e-6;
 /// Smallest area of the largest parallelogram that two axes of the transform span, divided by the square of its longest axis.
 const MIN_AREA: f64 = 1e-6;
