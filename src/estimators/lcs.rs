@@ -56,7 +56,7 @@ static FOR_THIN_GATES: Record = Record {
 
 /// Queries of trees and resampling do not pay in a wide histogram. A chosen vertex serves one bin, at the cost of several
 /// connections. Resampling favours bright bins, so dim bins get few vertices, and these are far too bright
-/// (docs/notebook/histograms.md).
+/// (docs/notebook/long-histograms.md).
 static FOR_HISTOGRAMS: Record = Record {
     name: NAME,
     is_default: |_| false,

@@ -301,7 +301,7 @@ fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
 }
 
 /// Reads the `k`-th sum of each of the `moments`, an array of this shape. They go straight to their place: with an array of its
-/// own for each sum, `merge` is 15 to 20 % slower (docs/notebook/farm.md).
+/// own for each sum, `merge` is 15 to 20 % slower (docs/notebook/merge-speed.md).
 fn read_sums<R: Read + Seek>(
     zip: &mut Archive<R>,
     name: &str,

@@ -10,7 +10,7 @@ const WIDE_GATE: f64 = 0.4;
 
 /// The gate that decides the default estimator. It is the widest of the gates, because `lcs` suits each of them, however long they
 /// are together. But if light is focused, `lcs` has rare samples that are far too bright in the first gates of a long histogram
-/// (docs/notebook/histograms.md). Then the interval of all gates together decides, except in a scan.
+/// (docs/notebook/long-histograms.md). Then the interval of all gates together decides, except in a scan.
 pub(super) fn decisive(responses: &Responses, scene: &Scene, is_scan: bool) -> Gate {
     if is_scan || !focuses_light(scene) { responses.widest() } else { responses.support() }
 }
