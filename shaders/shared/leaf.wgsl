@@ -20,14 +20,14 @@ struct LeafRecord {
 // Bound on the error of the dot product of a unit vector and an unpacked direction: sqrt(3) / 1022, rounded up.
 const DIRECTION_ERROR: f32 = 0.002;
 
-// A unit vector from three signed fractions of 10 bits, x lowest. Its length is 1 up to DIRECTION_ERROR.
+// A nearly unit vector from three signed fractions of 10 bits, x lowest. Its length is 1 up to DIRECTION_ERROR.
 fn unpack_direction(word: u32) -> vec3<f32> {
     let bits = vec3<i32>(vec3<u32>(word << 22u, word << 12u, word << 2u)) >> vec3<u32>(22u);
     return vec3<f32>(bits) * (1.0 / 511.0);
 }
 
-// A vertex with only the fields that `vertex_importance` reads, from its leaf record. Punctual lights are loaded whole, because
-// their light depends on the direction.
+// Makes a vertex from its leaf record; only the fields that `vertex_importance` reads are set. Spots and beams need more, so
+// punctual lights are loaded whole.
 fn load_leaf_vertex(index: u32) -> PathVertex {
     let place = bitcast<vec4<f32>>(textureLoad(leaf_records, 2u * index, 0));
     let rest = textureLoad(leaf_records, 2u * index + 1u, 0);
