@@ -1,10 +1,10 @@
-// Appends the vertices that light subpaths have just reached to the vertices of earlier bounces. So the host reads all at once.
+// Appends the vertices of the newest bounce of light subpaths to those of earlier bounces, so that the host reads all of them at once.
 #import path
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> splats: array<vec4<u32>>;
 @group(2) @binding(2) var<storage, read> splat_details: array<f32>;
-// Paths whose vertices are kept.
+// Numbers of the paths whose new vertices are kept.
 @group(2) @binding(3) var<storage, read> list: array<u32>;
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
 @group(2) @binding(5) var<storage, read_write> kept_vertices: array<PathVertex>;

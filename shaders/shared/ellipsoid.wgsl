@@ -1,8 +1,8 @@
 // The ellipsoid of all points x with |x - v| + |x - q| = length, and its curves in the planes of triangles.
 //
-// The map that turns the ellipsoid into the unit sphere turns such a curve into a circle. The edges of the triangle cut the circle into
-// arcs. If the length is uniform in a range of width W, and the angle uniform on arcs of total length `arc`, the density per area of the
-// point is (coarea formula)
+// An affine map takes the ellipsoid to the unit sphere, and each of these curves to a circle. The edges of the triangle cut the circle
+// into arcs. Draw `length` uniformly from a range of width W, and the angle uniformly on the arcs in the triangle, whose total length is
+// `arc`. By the coarea formula, the density per area of the resulting point is
 //     sqrt(length^2 - |P(q - v)|^2) / (W arc |x - v| |x - q|),
 // where P projects onto the plane of the triangle.
 #import math
@@ -32,7 +32,7 @@ fn to_sphere(e: Ellipsoid, p: vec3<f32>) -> vec3<f32> {
     return along / e.long + (offset - along) / e.short;
 }
 
-// The normal n of a plane, which need not have unit length, in the coordinates of `to_sphere`, up to its length.
+// Transforms the normal n of a plane to the coordinates of `to_sphere`. Neither n nor the result needs unit length.
 fn normal_to_sphere(e: Ellipsoid, n: vec3<f32>) -> vec3<f32> {
     let along = dot(n, e.axis) * e.axis;
     return e.long * along + e.short * (n - along);
@@ -125,7 +125,7 @@ fn arc_ends(ab: vec2<f32>, bc: vec2<f32>, ca: vec2<f32>) -> array<f32, 8> {
     return array<f32, 8>(-PI, q0, q1, q2, q3, min(p4, r3), max(p4, r3), PI);
 }
 
-// The four smallest of y and the components of x, in ascending order. The components of x are in ascending order.
+// The four smallest of five values in ascending order: y and the components of x, which are in ascending order.
 fn four_and(x: vec4<f32>, y: f32) -> vec4<f32> {
     let r0 = max(x.x, y);
     let r1 = max(x.y, r0);

@@ -145,7 +145,7 @@ fn a_missing_or_broken_image_file_is_named_with_its_material() {
     let message = load(&path).unwrap_err().to_string();
     assert!(message.contains(name) && message.contains("`wood.png`, which cannot be opened"), "{message}");
     let whole = plain([1, 2, 3], ImageFormat::Png);
-    // The second one has a good header.
+    // The second file has a good header, but ends too early.
     for broken in [&b"no image"[..], &whole[..50]] {
         std::fs::write(folder.path().join("wood.png"), broken).unwrap();
         let message = load(&path).unwrap_err().to_string();
@@ -242,7 +242,7 @@ fn a_large_webp_image_opens_but_not_if_it_is_too_short_for_the_memory_of_its_dec
     assert!(message.contains("too few for their 33554432 pixels"), "{message}");
 }
 
-/// Otherwise the material would count as a lamp, and the scene would get no headlamp.
+/// A material that kept such an emission would count as a lamp, and the scene would get no headlamp.
 #[test]
 fn an_emission_texture_without_light_removes_the_emission() {
     for (color, factor, shines) in

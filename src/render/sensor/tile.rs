@@ -23,7 +23,7 @@ impl SensorTracer {
                 self.observe_bounces(plan, bindings, samples, &constants, stats, &mut |seen| {
                     let share = 1.0 / counts(seen.path) as f32;
                     let rgb = seen.rgb.map(|x| x * share);
-                    // The kernels count values that are not finite as dropped.
+                    // The kernels count values that are not finite as dropped, so the host leaves them out.
                     if rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3] {
                         arrivals.push(Arrival { pixel: seen.pixel, tau: seen.tau_or_weight, rgb });
                     }
@@ -116,7 +116,7 @@ impl SensorTracer {
         self.recorder.read_back(&self.buffers.counters, size_of::<[u32; COUNTERS]>() as u64)
     }
 
-    /// The counters of a tile of `paths` paths. Fails if a list is longer than it can be.
+    /// The counters of a tile of `paths` paths. Fails if the device reports a list with too many entries.
     pub(super) fn read_counters(&self, paths: u32, stats: &mut Stats) -> Result<[u32; COUNTERS]> {
         let mut counters = [0u32; COUNTERS];
         let read = || self.buffers.counters.with(COUNTERS, |read| counters.copy_from_slice(read));
