@@ -32,7 +32,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::ggx;
+use super::{ggx, rgb};
 use crate::scene::Material;
 use coat::{Coat, CoatTables};
 use retroreflector::Retroreflector;
@@ -144,7 +144,7 @@ impl PreparedMaterial {
     pub fn at_point(&self, base: [f64; 3], texels: &Texels) -> Bsdf<'_> {
         let f90 = self.specular * texels.specular;
         let colored = |k: usize| (self.uncolored * self.specular_color[k] * texels.specular_color[k]).min(1.0);
-        let f0 = [0, 1, 2].map(|k| f90 * colored(k));
+        let f0 = rgb(|k| f90 * colored(k));
         let brightest = f0.into_iter().fold(0.0, f64::max);
         let clearcoat = self.clearcoat.as_ref().map(|(strength, tables)| {
             let strength = strength * texels.clearcoat;
@@ -207,7 +207,7 @@ impl Bsdf<'_> {
             None => others,
             Some(r) => {
                 let lobe = r.share * r.lobe(wi, wo);
-                [0, 1, 2].map(|k| (1.0 - r.share) * others[k] + lobe * self.base[k])
+                rgb(|k| (1.0 - r.share) * others[k] + lobe * self.base[k])
             }
         }
     }
@@ -219,7 +219,7 @@ impl Bsdf<'_> {
         let lobe = if self.is_mirror() { 0.0 } else { ggx::lobe(self.coat.alpha, wi, wo) };
         let c = wi.dot((wi + wo).normalize());
         let fresnel = self.fresnel(c);
-        let under = [0, 1, 2].map(|k| diffuse * self.base[k] + lobe * fresnel[k]);
+        let under = rgb(|k| diffuse * self.base[k] + lobe * fresnel[k]);
         match self.clearcoat {
             None => under,
             Some(top) => {
@@ -238,7 +238,7 @@ impl Bsdf<'_> {
     fn fresnel(&self, c: f64) -> [f64; 3] {
         let plastic = (1.0 - self.metallic) * (1.0 - self.transmission);
         let coat = self.coat_fresnel(c);
-        [0, 1, 2].map(|k| plastic * coat[k] + self.metallic * schlick(self.base[k], 1.0, c))
+        rgb(|k| plastic * coat[k] + self.metallic * schlick(self.base[k], 1.0, c))
     }
 
     /// Probabilities of sampling the GGX (or mirror) lobe, the diffuse base, the dielectric, and the clear coat. All are 0 for a

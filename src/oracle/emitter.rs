@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::flight::{Flight, PathVertex};
 use super::geometry::{Hit, Ray};
 use super::media::{Channel, Region};
+use super::rgb;
 use super::world::{Vertex, World};
 use crate::generate::numbers::Pcg;
 use crate::scene::{Light, LightKind, SkyImage};
@@ -66,7 +67,7 @@ impl<'a> EmitterSet<'a> {
             return None;
         };
         let texel = self.world.scene.sky.as_ref().map_or([1.0; 3], |image: &SkyImage| image.towards(w));
-        let seen = [0, 1, 2].map(|k| f64::from(radiance[k]) * f64::from(texel[k]));
+        let seen = rgb(|k| f64::from(radiance[k]) * f64::from(texel[k]));
         Some((seen, 1.0 / (4.0 * PI * self.choices() as f64)))
     }
 
@@ -181,7 +182,7 @@ impl BeamSpot<'_> {
         // The scattered light has the cosine to the shading normal, but the sampled area has the cosine to the geometric normal.
         let cosines = v.cos(v.wo) / v.normal.dot(v.wo) * v.normal.dot(w).max(0.0);
         let f = v.eval(w);
-        [0, 1, 2].map(|k| self.power[k] * f[k] * cosines)
+        rgb(|k| self.power[k] * f[k] * cosines)
     }
 }
 
@@ -250,7 +251,7 @@ pub fn straight(
     }
     let (f, cos) = vertex.factors(-light.direction);
     let irradiance = cos / (PI * radius * radius);
-    let value = [0, 1, 2].map(|k| f[k] * power[k] * irradiance);
+    let value = rgb(|k| f[k] * power[k] * irradiance);
     if value == [0.0; 3] {
         return None;
     }

@@ -265,7 +265,8 @@ impl<'a> Geometry<'a> {
                 }
                 continue;
             }
-            let mut children = [node.first, node.first + 1].map(|i| (i, entry(&self.nodes[i as usize], &ray, inverse)));
+            let child = |i: u32| (i, entry(&self.nodes[i as usize], &ray, inverse));
+            let mut children = [child(node.first), child(node.first + 1)];
             if children[0].1 < children[1].1 {
                 children.swap(0, 1);
             }

@@ -19,3 +19,9 @@ pub mod phase;
 pub mod sphere;
 pub mod texture;
 mod world;
+
+/// The values of red, green and blue. The compiler inlines it, also where it does not inline `array::map`.
+#[inline]
+fn rgb(channel: impl Fn(usize) -> f64) -> [f64; 3] {
+    [channel(0), channel(1), channel(2)]
+}

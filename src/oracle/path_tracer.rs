@@ -24,6 +24,7 @@ use super::emitter::{self, BeamSpot, EmitterSet};
 use super::flight::{Flight, PathVertex};
 use super::geometry::Ray;
 use super::media::{Channel, Region};
+use super::rgb;
 use super::world::World;
 use crate::generate::numbers::Pcg;
 use crate::scene::Scene;
@@ -139,7 +140,7 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let own = f64::from(settings.spp);
     let pixel = |bin: usize, i: usize| {
         let (a, b) = (traced[i].0[bin].over(own), splatted[bin][i].over(own * count as f64));
-        let sum = |x: [f64; 3], y: [f64; 3]| [0, 1, 2].map(|k| x[k] + y[k]);
+        let sum = |x: [f64; 3], y: [f64; 3]| rgb(|k| x[k] + y[k]);
         Pixel { mean: sum(a.mean, b.mean), variance: sum(a.variance, b.variance) }
     };
     let bins = (0..settings.bins.len()).map(|bin| (0..count).map(|i| pixel(bin, i)).collect()).collect();

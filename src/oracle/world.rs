@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::bsdf::{Bsdf, PreparedMaterial, Sample, Texels};
 use super::geometry::{Geometry, Ray, Surface};
 use super::media::Media;
-use super::texture;
+use super::{rgb, texture};
 use crate::generate::numbers::Pcg;
 use crate::scene::{AlphaMode, Material, Scene};
 use crate::settings::Emitters;
@@ -105,7 +105,7 @@ impl<'a> World<'a> {
     fn vertex(&self, surface: Surface, wo: DVec3) -> Vertex<'_> {
         let material = &self.scene.materials[surface.material as usize];
         let texel = texture::sample(self.scene, material.base_color_texture, surface.uv);
-        let base = [0, 1, 2].map(|k| texel[k] * f64::from(material.base_color[k]) * surface.color[k]);
+        let base = rgb(|k| texel[k] * f64::from(material.base_color[k]) * surface.color[k]);
         let inside = surface.geometric.dot(wo) < 0.0;
         let side = if inside { -1.0 } else { 1.0 };
         let bumped = surface.bumped(self.scene) * side;
@@ -158,7 +158,7 @@ impl<'a> World<'a> {
             return [0.0; 3];
         }
         let texel = texture::sample(self.scene, material.emission_texture, surface.uv);
-        [0, 1, 2].map(|k| texel[k] * f64::from(material.emission[k]))
+        rgb(|k| texel[k] * f64::from(material.emission[k]))
     }
 }
 

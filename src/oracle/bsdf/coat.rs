@@ -101,7 +101,8 @@ impl Table {
         let x = mu.clamp(0.0, 1.0).sqrt() * (ENTRIES - 1) as f64;
         let i = (x as usize).min(ENTRIES - 2);
         let f = x - i as f64;
-        [0, 1].map(|k| self.albedo[i][k] * (1.0 - f) + self.albedo[i + 1][k] * f)
+        let between = |k: usize| self.albedo[i][k] * (1.0 - f) + self.albedo[i + 1][k] * f;
+        [between(0), between(1)]
     }
 
     /// 2 * integral of E mu over [0, 1]. With mu = t^2 this is 4 * integral of E t^3. Gauss quadrature is exact in each cell of
