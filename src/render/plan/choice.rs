@@ -11,7 +11,7 @@ use crate::settings::{Estimator, Responses, Settings, Strategies, UseEllipsoids}
 /// scene's diagonal. A shorter support misses most light vertices; queries find the rest.
 const HISTOGRAM_WIDTH: f64 = 0.1;
 
-/// Gates that are narrower than this fraction of the scene's diagonal have ellipsoidal connections, if the estimator has a record for
+/// Gates that are narrower than this fraction of the scene's diagonal, and of their own end, have ellipsoidal connections, if the estimator has a record for
 /// thin gates (docs/notebook/ellipsoids-by-importance.md).
 const THIN_GATE: f64 = 0.0004;
 
@@ -54,7 +54,7 @@ impl Choice {
     pub fn record(&self, responses: &Responses) -> &'static Record {
         let record = self.estimator.record();
         // Travel times of ellipsoidal connections are drawn from the whole support, also from its hole.
-        let is_thin = self.ellipsoids.unwrap_or(length(responses.support()) < THIN_GATE * self.diagonal);
+        let is_thin = self.ellipsoids.unwrap_or(is_thin(responses.support(), self.diagonal));
         let special = match self.is_histogram(responses) {
             true => record.for_histograms,
             false => record.for_thin_gates.filter(|_| is_thin),
@@ -74,6 +74,27 @@ fn lit_length(responses: &Responses) -> f64 {
     length(responses.support()) - responses.hole().map_or(0.0, length)
 }
 
+/// Whether a gate is thin in a scene of this diagonal. Light that ends in the gate has travelled no further than its end. So objects
+/// beyond that, such as a distant backdrop, make no gate thin.
+fn is_thin(gate: Gate, diagonal: f64) -> bool {
+    length(gate) < THIN_GATE * diagonal.min(gate.hi)
+}
+
 fn length(gate: Gate) -> f64 {
     gate.hi - gate.lo
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distant_backdrop_makes_no_gate_thin() {
+        let gate = |lo: f64, width: f64| Gate { lo, hi: lo + width };
+        assert!(is_thin(gate(6.0, 0.001), 4.0));
+        assert!(!is_thin(gate(6.0, 0.01), 4.0));
+        assert!(!is_thin(gate(6.0, 0.01), 14_000.0));
+        assert!(is_thin(gate(6.0, 0.001), 14_000.0));
+        assert!(!is_thin(Gate { lo: 6.0, hi: f64::INFINITY }, 14_000.0));
+    }
 }
