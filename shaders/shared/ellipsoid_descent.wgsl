@@ -49,9 +49,10 @@ fn ellipsoid_importance(
         let from_x = 0.5 * (hi_x + lo_x) - focus.x;
         let from_y = 0.5 * (hi_y + lo_y) - focus.y;
         let from_z = 0.5 * (hi_z + lo_z) - focus.z;
-        let near_x = max(abs(from_x) - half_x, vec4<f32>(0.0));
-        let near_y = max(abs(from_y) - half_y, vec4<f32>(0.0));
-        let near_z = max(abs(from_z) - half_z, vec4<f32>(0.0));
+        // From the planes, not from centre and extent: in a box of 1 km, these differ from a plane by 60 micrometres due to rounding.
+        let near_x = max(max(lo_x - focus.x, focus.x - hi_x), vec4<f32>(0.0));
+        let near_y = max(max(lo_y - focus.y, focus.y - hi_y), vec4<f32>(0.0));
+        let near_z = max(max(lo_z - focus.z, focus.z - hi_z), vec4<f32>(0.0));
         least += sqrt(near_x * near_x + near_y * near_y + near_z * near_z);
         let far_x = abs(from_x) + half_x;
         let far_y = abs(from_y) + half_y;
