@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::gpu::Device;
 use crate::image::film::Film;
 use crate::render::PreparedScene;
+use crate::scene::{Scene, optical_thickness};
 
 /// Number of time points of a race. Each time is twice the one before; the last is the whole time.
 pub const POINTS: u32 = 7;
@@ -106,6 +107,7 @@ impl<'a> Race<'a> {
             triangles: timed.renderer.stats().triangles,
             pixels,
             gate_m: gate.hi - gate.lo,
+            optical_thickness: thickness(&self.job.scene),
             us_per_sample: 1e6 * timed.clock / (samples * pixels) as f64,
             fingerprint: entry.fingerprint.clone(),
         })
@@ -121,6 +123,14 @@ impl<'a> Race<'a> {
     }
 }
 
+/// Optical thickness along the diagonal of the surfaces, averaged over the channels; 0 without surfaces.
+fn thickness(scene: &Scene) -> f64 {
+    scene.bounds().map_or(0.0, |[lo, hi]| {
+        let across = hi - lo;
+        optical_thickness(&scene.media, lo, across.normalize_or_zero(), across.length()).iter().sum::<f64>() / 3.0
+    })
+}
+
 fn next_to_run(timed_renderers: &[TimedRenderer], next: &[usize], points: usize) -> Option<usize> {
     let open = (0..timed_renderers.len()).filter(|&i| next[i] < points);
     open.min_by(|&a, &b| timed_renderers[a].clock.total_cmp(&timed_renderers[b].clock))
@@ -129,4 +139,20 @@ fn next_to_run(timed_renderers: &[TimedRenderer], next: &[usize], points: usize)
 /// Seed of a repetition. References use other seeds.
 pub fn seed(repetition: u32) -> u32 {
     1 + repetition
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{Kind, build};
+    use crate::scene::Medium;
+
+    #[test]
+    fn thickness_is_that_of_the_diagonal() {
+        let mut scene = build(Kind::CornellBox);
+        assert_eq!(thickness(&scene), 0.0);
+        scene.media = vec![Medium { sigma_s: [0.1, 0.2, 0.3], sigma_a: [0.1; 3], ..Medium::default() }];
+        assert!((thickness(&scene) / scene.diagonal() - 0.3).abs() < 1e-6);
+        assert_eq!(thickness(&Scene::default()), 0.0);
+    }
 }

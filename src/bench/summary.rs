@@ -197,6 +197,7 @@ pub(super) mod tests {
             triangles: 36,
             pixels: 100,
             gate_m: 0.5,
+            optical_thickness: 0.0,
             us_per_sample: 1.0,
             fingerprint: "f".into(),
         }

@@ -14,11 +14,14 @@ pub enum Sweep {
     LightVertices,
     /// Width of the gate in metres.
     GateWidth,
+    /// Optical thickness of the media along the diagonal of the surfaces.
+    OpticalThickness,
     Pixels,
 }
 
 impl Sweep {
-    pub const ALL: [Sweep; 4] = [Sweep::Triangles, Sweep::LightVertices, Sweep::GateWidth, Sweep::Pixels];
+    pub const ALL: [Sweep; 5] =
+        [Sweep::Triangles, Sweep::LightVertices, Sweep::GateWidth, Sweep::OpticalThickness, Sweep::Pixels];
 
     /// The name that reports show.
     pub fn name(self) -> &'static str {
@@ -26,6 +29,7 @@ impl Sweep {
             Sweep::Triangles => "triangles",
             Sweep::LightVertices => "light vertices",
             Sweep::GateWidth => "gate width",
+            Sweep::OpticalThickness => "optical thickness",
             Sweep::Pixels => "pixels",
         }
     }
@@ -36,6 +40,7 @@ impl Sweep {
             Sweep::Triangles => row.triangles as f64,
             Sweep::LightVertices => row.light_vertices,
             Sweep::GateWidth => row.gate_m,
+            Sweep::OpticalThickness => row.optical_thickness,
             Sweep::Pixels => row.pixels as f64,
         }
     }

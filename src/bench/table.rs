@@ -18,11 +18,13 @@ use crate::files::{read_error, write_atomically};
 /// * `dead_query_share`: fraction of the queries that find no light vertex which meets the gate, the maximum depth and the facing.
 /// * `triangles`: triangles of all instances.
 /// * `gate_m`: width of the gate in metres, `inf` without a gate.
+/// * `optical_thickness`: of the media along the diagonal of the surfaces, averaged over the channels; media inside of meshes do not
+///   count.
 /// * `us_per_sample`: microseconds per pixel sample.
 /// * `fingerprint`: hash of scene, settings and renderer, the time, and a hash of the device.
 ///
 /// relMSE and FLIP are NaN if only costs are measured.
-pub const COLUMNS: [&str; 22] = [
+pub const COLUMNS: [&str; 23] = [
     "scene",
     "variant",
     "estimator",
@@ -43,6 +45,7 @@ pub const COLUMNS: [&str; 22] = [
     "triangles",
     "pixels",
     "gate_m",
+    "optical_thickness",
     "us_per_sample",
     "fingerprint",
 ];
@@ -73,6 +76,7 @@ pub struct Row {
     pub triangles: u64,
     pub pixels: u64,
     pub gate_m: f64,
+    pub optical_thickness: f64,
     pub us_per_sample: f64,
     /// Hash of scene, settings and renderer, the time, and a hash of the device.
     pub fingerprint: String,
@@ -83,11 +87,11 @@ impl Row {
         let Row { scene, variant, estimator, repetition, point, seconds, samples, flip, dropped, .. } = self;
         let [Means { all, trimmed }, Means { all: own, trimmed: own_trimmed }] = [self.relmse, self.own];
         let Row { light_vertices, queries_per_s, rays_per_s, dead_query_share, fingerprint, .. } = self;
-        let Row { triangles, pixels, gate_m, us_per_sample, .. } = self;
+        let Row { triangles, pixels, gate_m, optical_thickness, us_per_sample, .. } = self;
         format!(
             "{scene},{variant},{estimator},{repetition},{point},{seconds:.4},{samples},{all:e},{trimmed:e},{own:e},{own_trimmed:e},{flip:.6},{dropped},\
              {light_vertices:.1},{queries_per_s:.0},{rays_per_s:.0},{dead_query_share:.4},\
-             {triangles},{pixels},{gate_m},{us_per_sample:.4},{fingerprint}\n"
+             {triangles},{pixels},{gate_m},{optical_thickness},{us_per_sample:.4},{fingerprint}\n"
         )
     }
 
@@ -99,7 +103,7 @@ impl Row {
         let [all, trimmed, own, own_trimmed, flip, dropped, rest @ ..] = rest else { return None };
         let means = |all: &str, trimmed: &str| Some(Means { all: all.parse().ok()?, trimmed: trimmed.parse().ok()? });
         let [light_vertices, queries_per_s, rays_per_s, dead_query_share, rest @ ..] = rest else { return None };
-        let [triangles, pixels, gate_m, us_per_sample, fingerprint] = rest else { return None };
+        let [triangles, pixels, gate_m, optical_thickness, us_per_sample, fingerprint] = rest else { return None };
         Some(Row {
             scene: scene.to_string(),
             variant: variant.to_string(),
@@ -119,6 +123,7 @@ impl Row {
             triangles: triangles.parse().ok()?,
             pixels: pixels.parse().ok()?,
             gate_m: gate_m.parse().ok()?,
+            optical_thickness: optical_thickness.parse().ok()?,
             us_per_sample: us_per_sample.parse().ok()?,
             fingerprint: fingerprint.to_string(),
         })
