@@ -28,24 +28,26 @@ fn thin_gates_of_a_sphere_agree_with_the_closed_form() {
     }
 }
 
-/// In water, light takes longer by the group index. Deterministic vertices are in the water too.
+/// In water, light takes longer by the group index, and the water absorbs on all segments of a connection. Deterministic vertices are
+/// in the water too.
 #[test]
 fn thin_gates_of_a_sphere_in_water_agree_with_the_closed_form() {
     let settings = settings(Estimator::Epc, [16, 16]).light_paths(2000).build().unwrap();
-    let water = Medium { ior: 1.33, group_ior: 1.36, ..Medium::default() };
+    let water = Medium { ior: 1.33, group_ior: 1.36, sigma_a: [0.2; 3], ..Medium::default() };
     thin_gates_of_a_sphere(&settings, vec![water], &WIDTHS[1..2]);
 }
 
 /// Gates that begin at [`BEGIN`] and have these widths. In a medium, the ends of the gates are multiplied by its group index.
 fn thin_gates_of_a_sphere(settings: &Settings, media: Vec<Medium>, widths: &[f64]) {
     let factor = media.first().map_or(1.0, |medium| f64::from(medium.group_ior));
+    let sigma_a = media.first().map_or(0.0, |medium| f64::from(medium.sigma_a[0]));
     let scene = Scene { media, ..build(Kind::GatedSphere { radius: 1.0, subdivisions: 4, albedo: 0.5 }) };
     let mut renderer = renderer(&scene, settings);
     for width in widths {
         let end = BEGIN + width;
         let gate = Gate { lo: factor * BEGIN, hi: factor * end };
         let (mean, error) = Cells::measure(&mut renderer, gate, 16, 1, 8, 40).whole();
-        let truth = gated_radiance(1.0, 0.5, BEGIN, end);
+        let truth = gated_radiance(1.0, 0.5, BEGIN, end) * (-sigma_a * 0.5 * (BEGIN + end)).exp();
         eprintln!("width {width:.1e}: {:.4} +- {:.4} of the closed form", mean / truth, error / truth);
         assert!(error < 0.02 * truth, "width {width}: {mean} +- {error}");
         // The sphere is a mesh of 5,120 flat triangles, so its light differs a little from the closed form.

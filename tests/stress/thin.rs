@@ -55,7 +55,7 @@ fn a_gate_of_256_steps_has_its_energy() {
 #[test]
 #[ignore = "takes a minute"]
 fn energy_of_gates_down_to_16_steps() {
-    for estimator in [Estimator::Pt, Estimator::LcsPaper, Estimator::Lcs] {
+    for estimator in [Estimator::Pt, Estimator::LcsPaper, Estimator::Lcs, Estimator::Epc] {
         for (width, gates, iterations) in [(256.0, 4, 2), (64.0, 16, 1), (16.0, 64, 1)] {
             let (bias, error) = bias(estimator, width, 0.0, gates, 32, iterations);
             assert!(
