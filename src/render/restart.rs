@@ -8,23 +8,17 @@ use crate::image::film::Film;
 use crate::scene::Camera;
 #[cfg(doc)]
 use crate::scene::Scene;
-use crate::settings::units::Gate;
 use crate::settings::{Responses, Settings};
 
 impl Renderer {
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
-    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, or if there is a gate and
-    /// a light is infinitely far away. Also fails if the responses need other kernels, as several responses do after a single box.
+    /// statistics stay. Fails without any change if the responses are invalid ([`Responses::new`]), or if there is a gate and a light
+    /// is infinitely far away. Also fails if the responses need other kernels, as several responses do after a single box.
     ///
     /// The new gate does not decide whether there are ellipsoidal connections: the gate that the renderer was made for did.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
-        let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
-        if !responses.iter().all(|response| is_interval(response.gate())) {
-            return Err(Error::Settings(
-                "a gate must start at a finite time and end later, such as 12.5m..12.8m".into(),
-            ));
-        }
+        responses.check()?;
         if self.plan.has_distant && !responses.are_steady() {
             return Err(Error::Settings(
                 "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),

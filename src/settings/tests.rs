@@ -49,6 +49,23 @@ fn settings_outside_their_limits_are_not_built() {
         let message = wrong.build().unwrap_err().to_string();
         assert!(message.contains(part), "{message}");
     }
+    let gate = Gate { lo: 1.0, hi: 2.0 };
+    let one = |name: &str, edge| Responses::new(vec![Response::new(name, gate, edge)]);
+    for (wrong, part) in [
+        (one("a", Edge::Ramp(-0.4)), "'a' has edges of -0.4 m"),
+        (one("a", Edge::Ramp(0.0)), "above 0"),
+        (one("a", Edge::Gauss(f64::INFINITY)), "edges of inf m"),
+        (one("a", Edge::Gauss(f64::NAN)), "edges of NaN m"),
+        (one("a.b", Edge::Sharp), "'a.b' is not a name for a response"),
+        (one("", Edge::Sharp), "must not be empty"),
+        (Ok(Responses::uniform_with("1m..2m/2".parse().unwrap(), Edge::Ramp(-1.0))), "'bin0' has edges of -1 m"),
+        (Ok(Responses::from(gate).repeated(1e-9)), "too short for the gate"),
+        (Ok(Responses::from(gate).repeated(f64::NAN)), "too short for the gate"),
+        (Ok(Gate { lo: -5.0, hi: -1.0 }.into()), "where no light arrives"),
+    ] {
+        let message = wrong.and_then(|responses| builder().responses(responses).build()).unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    }
     // A scan has one row of pixels, which may be longer.
     assert!(builder().resolution([65_535, 1]).build().is_ok());
 }
