@@ -42,19 +42,22 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the
-    /// kernels and the statistics stay. Fails if [`Scene::check`] would refuse the camera.
+    /// kernels and the statistics stay. Fails without any change to the render if [`Scene::check`] would refuse the camera, or if the
+    /// device is lost.
     ///
     /// Returns false and changes nothing in two cases; create a new renderer then. `camera` is too far from the camera that the
     /// scene was prepared for, so positions would be imprecise. Or the two are of different kinds, such as perspective and
     /// orthographic, or aim at different numbers of points.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
         camera.check()?;
-        let moved = self.plan.set_camera(camera);
-        if moved {
-            self.scene.write_aims(&self.plan.space.aims(camera))?;
-            self.clear();
+        if !self.plan.takes(camera) {
+            return Ok(false);
         }
-        Ok(moved)
+        // This may fail, so it comes before the plan changes.
+        self.scene.write_aims(&self.plan.space.aims(camera))?;
+        self.plan.set_camera(camera);
+        self.clear();
+        Ok(true)
     }
 
     /// Clears the film and begins a new render with lights that have moved. The BVH, the kernels and the statistics stay.
