@@ -13,6 +13,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
+use crate::scene::LightKind;
 
 /// Which paths a render forms, and how it chooses connections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -227,6 +228,11 @@ impl Estimator {
     /// Whether the estimator finds the light of collimated beams.
     pub fn sees_beams(self) -> bool {
         self.record().light_subpaths
+    }
+
+    /// Whether the estimator finds no light of this kind of lamp.
+    pub fn misses(self, kind: &LightKind) -> bool {
+        kind.needs_light_subpaths() && !self.sees_beams()
     }
 
     /// Error message for a user who asks this estimator for the light of `beam`, which it cannot find. It names the estimators

@@ -148,7 +148,7 @@ pub struct Plan {
 impl Plan {
     pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Plan> {
         let emitters = &prepared.emitters;
-        if !emitters.has_connectable() && !settings.estimator().sees_beams() {
+        if !emitters.has_connectable() && settings.missed_lights(scene).next().is_some() {
             return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies() == Strategies::All;

@@ -124,8 +124,7 @@ impl Case {
         if estimator.record().ellipsoids == Ellipsoids::Enumerated && triangles > 10_000 {
             return false;
         }
-        let has_beam = self.scene.lights.iter().any(|light| light.kind.needs_light_subpaths());
-        estimator.sees_beams() || !has_beam
+        !self.scene.lights.iter().any(|light| estimator.misses(&light.kind))
     }
 
     /// Renders the scene through each gate with the same kernels, and calls `done` with the name and the result of each check.

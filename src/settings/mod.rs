@@ -48,6 +48,7 @@ pub use self::response::{Edge, Response};
 pub use self::responses::Responses;
 use crate::error::{Error, Result};
 pub use crate::estimators::Estimator;
+use crate::scene::{Light, Scene};
 use crate::settings::table::{CameraTable, EmitterTable, RenderTable, Tables};
 use crate::wgsl::layout::constants::MAX_SUBTREES;
 
@@ -163,6 +164,13 @@ impl Settings {
     /// The emitters of the scene that are switched on.
     pub fn emitters(&self) -> &Emitters {
         &self.chosen.emitters
+    }
+
+    /// The lights of `scene` that are switched on, but whose light the estimator cannot find: beams, with the estimator `pt`. The
+    /// image lacks their light.
+    pub fn missed_lights<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = &'a Light> {
+        let lights = scene.lights.iter().filter(move |light| self.emitters().include(&light.node));
+        lights.filter(move |light| self.estimator().misses(&light.kind))
     }
 
     /// The settings of `[render]` that the image depends on, with defaults filled in. Settings that the estimator does not use

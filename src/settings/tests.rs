@@ -1,4 +1,7 @@
+use glam::DVec3;
+
 use super::*;
+use crate::scene::LightKind;
 use crate::settings::units::Gate;
 
 #[test]
@@ -28,6 +31,22 @@ fn settings_are_equal_that_render_the_same() {
     assert_ne!(default.change().seed(1).build().unwrap(), default);
     assert_eq!(default.change().queries(2).build().unwrap(), default);
     assert_ne!(default.change().gate(Gate { lo: 1.0, hi: 2.0 }).build().unwrap(), default);
+}
+
+#[test]
+fn a_light_is_missed_if_it_is_switched_on_and_the_estimator_cannot_find_it() {
+    let mut scene = Scene::default();
+    let (point, beam) = (LightKind::Point { intensity: [1.0; 3] }, LightKind::Beam { power: [1.0; 3], radius: 0.0 });
+    for (name, kind) in [("lamp", point), ("laser", beam)] {
+        scene.add_light(name, DVec3::ZERO, DVec3::X, kind);
+    }
+    let missed = |estimator, emitters| {
+        let settings = Settings::builder().estimator(estimator).emitters(emitters).build().unwrap();
+        settings.missed_lights(&scene).map(|light| light.node.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(missed(Estimator::Pt, Emitters::Scene), ["laser"]);
+    assert_eq!(missed(Estimator::Pt, Emitters::Nodes(vec!["lamp".into()])), Vec::<String>::new());
+    assert_eq!(missed(Estimator::Lcs, Emitters::Scene), Vec::<String>::new());
 }
 
 #[test]
