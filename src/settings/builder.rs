@@ -71,7 +71,8 @@ impl SettingsBuilder {
         SettingsBuilder { crop: crop.into(), ..self }
     }
 
-    /// The number of samples per pixel (64 by default), or the time, after which the render stops.
+    /// The number of samples per pixel (64 by default), or the time, after which a render stops. A program passes
+    /// [`Settings::budget`] to [`crate::Renderer::render`]. [`crate::Renderer::iterate`] does not read it.
     pub fn budget(mut self, budget: Budget) -> SettingsBuilder {
         (self.render.spp, self.render.time) = match budget {
             Budget::Spp(spp) => (Some(spp), None),

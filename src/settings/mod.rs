@@ -150,7 +150,7 @@ impl Settings {
         Crop { x0: 0, y0: 0, x1, y1 }
     }
 
-    /// The number of samples per pixel, or the time, after which the render stops.
+    /// The number of samples per pixel, or the time, after which a render stops; see [`crate::Renderer::render`].
     pub fn budget(&self) -> Budget {
         let RenderTable { spp, time, .. } = self.chosen.render;
         time.map_or(Budget::Spp(spp.unwrap_or(DEFAULT_SPP)), |time| Budget::Seconds(time.0))
