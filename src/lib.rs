@@ -67,8 +67,8 @@ pub use image::response_film::ResponseFilm;
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{
-    AlphaMode, Camera, DensityGrid, GridFilter, Image, Instance, Light, LightKind, Material, Medium, Mesh,
-    PhaseFunction, Projection, Scene, Texture, Wrap,
+    Aim, AlphaMode, Camera, DensityGrid, GridFilter, Image, Instance, Light, LightKind, Material, Medium, Mesh,
+    PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, Wrap,
 };
 pub use settings::SettingsBuilder;
 pub use settings::frequencies::Frequencies;
@@ -79,8 +79,8 @@ pub use settings::{
     UseEllipsoids,
 };
 
-/// All modules, for the program, the tests and the benches of this package. They are not part of the API and may change at any
-/// time.
+/// All modules, for the program, the tests and the benches of this package, and for the Python package of this workspace. They are
+/// not part of the API and may change at any time.
 #[doc(hidden)]
 #[allow(missing_docs)]
 pub mod internals {

@@ -179,6 +179,7 @@ impl Estimator {
     pub const UNGATED: Estimator = Estimator::Bdpt;
 
     /// The record that describes this estimator to the rest of the program.
+    #[doc(hidden)]
     pub fn record(self) -> &'static Record {
         match self {
             Estimator::Pt => &pt::RECORD,
@@ -190,6 +191,7 @@ impl Estimator {
     }
 
     /// The estimator that renders under these conditions unless the user names one.
+    #[doc(hidden)]
     pub fn default_for(conditions: &Conditions) -> Estimator {
         let is_default = |estimator: &Estimator| (estimator.record().is_default)(conditions);
         Estimator::ALL.into_iter().find(is_default).expect("one estimator is the default for any conditions")
