@@ -1,5 +1,7 @@
 //! A renderer begins again with another seed, gate, camera or other lights, and keeps the scene and the kernels.
 
+#![warn(missing_docs)]
+
 use super::prepared_scene::PreparedScene;
 use super::responses::ResponseSums;
 use super::{Iterations, Renderer, Stats};
@@ -61,7 +63,7 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with lights that have moved. The BVH, the kernels and the statistics stay.
-    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`].
+    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`]. Fails if the device is lost.
     #[doc(hidden)]
     pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
@@ -72,7 +74,7 @@ impl Renderer {
     }
 
     /// As [`Renderer::set_lights`], for lights that have moved by at most `distance` metres ([`PreparedScene::follow_nearby`]).
-    /// Does not visit the triangles again, so it is fast in large scenes too, but fewer paths are culled.
+    /// Does not visit the triangles again, so it is fast in large scenes too, but fewer paths are culled. Fails if the device is lost.
     #[doc(hidden)]
     pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
@@ -82,14 +84,15 @@ impl Renderer {
         Ok(())
     }
 
-    /// Forgets the counts and times so far, except the counts of the scene.
+    /// Forgets the counts and times so far, except the counts of the scene: its bytes on the device, and its triangles.
     #[doc(hidden)]
     pub fn clear_stats(&mut self) {
         let Stats { scene_bytes, triangles, .. } = self.stats;
         self.stats = Stats { scene_bytes, triangles, ..Stats::default() };
     }
 
-    /// Counts of work and times so far.
+    /// Counts of work, and seconds of each part of it, over all iterations since the renderer was made or since
+    /// [`Renderer::clear_stats`].
     #[doc(hidden)]
     pub fn stats(&self) -> &Stats {
         &self.stats

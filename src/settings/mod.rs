@@ -10,7 +10,6 @@ mod choices;
 pub mod exposure;
 #[allow(missing_docs)]
 pub mod frames;
-#[allow(missing_docs)]
 pub mod frequencies;
 pub mod gates;
 #[allow(missing_docs)]
@@ -34,7 +33,6 @@ pub mod setting;
 pub mod shard;
 #[allow(missing_docs)]
 pub mod sky;
-#[allow(missing_docs)]
 pub mod table;
 #[allow(missing_docs)]
 pub mod tev;
