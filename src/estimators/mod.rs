@@ -76,6 +76,8 @@ pub struct Record {
     pub ellipsoid_sample_count: f32,
     /// Whether the bench considers this estimator when it looks for the fastest way to render a reference.
     pub renders_references: bool,
+    /// Whether the bench compares the errors of the other estimators with the errors of this one.
+    pub is_baseline: bool,
     /// Estimator that checks the references rendered by this one: it finds the same paths by another method.
     pub judge: Estimator,
 }
