@@ -15,7 +15,7 @@ shift 2
 rounds=${ROUNDS:-7}
 resolution=${RESOLUTION:-160x120}
 spp=${SPP:-16}
-estimators=${ESTIMATORS:-pt bdpt lcs-paper lcs}
+estimators=${ESTIMATORS:-pt bdpt epc lcs-paper lcs}
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 

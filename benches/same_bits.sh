@@ -19,9 +19,11 @@ cd "$folder"
 for name in cornell-box door-ajar zoo-area zoo-punctual zoo-beam; do
     "$new" generate "$name" -o "$name.glb"
 done
+cp "$here"/../tests/data/gltf/{layers,sun_and_orthographic}.glb .
 
-# Scene and flags of each image. The list covers every estimator; area, point, spot and beam lights; textures, alpha, glass, mirror
-# and gloss; with and without a gate; uniform and adaptive sampling; and the flags that select kernels.
+# Scene and flags of each image. The list covers every estimator; area, point, spot and beam lights, a sun and a sky; textures, alpha,
+# glass, mirror, gloss and a clear coat; fog; an orthographic view; without a gate, with wide, thin and many gates; uniform and
+# adaptive sampling; and the flags that select kernels.
 images=$(cat <<'LIST'
 cornell-box --estimator pt --spp 16
 cornell-box --estimator pt --gate 6.2m..6.5m --spp 16
@@ -32,6 +34,12 @@ cornell-box --estimator lcs-paper --gate 6.2m..6.5m --sampling adaptive --spp 16
 cornell-box --estimator lcs --spp 16
 cornell-box --estimator lcs --gate 6.2m..6.5m --spp 16
 cornell-box --estimator lcs --gate 6.2m..6.5m --sampling uniform --crop 8,40,16,32 --spp 16
+cornell-box --estimator lcs --gate 6.3m..6.301m --spp 8
+cornell-box --estimator lcs --gates 5m..8m/8 --spp 8
+cornell-box --estimator lcs --gates 6m..6.2m/4 --spp 8
+cornell-box --estimator epc --gate 6.3m..6.31m --spp 4
+cornell-box --estimator bdpt --visibility 20m --gate 6.2m..6.5m --spp 8
+cornell-box --estimator bdpt --sky 0.5 --ortho 2.5 --spp 8
 zoo-area --estimator pt --spp 16
 zoo-area --estimator bdpt --gate 7.4m..7.8m --spp 16
 zoo-area --estimator lcs-paper --gate 7.4m..7.8m --spp 16
@@ -44,12 +52,15 @@ zoo-punctual --estimator bdpt --emitters spot --gate 5m..8m --sampling uniform -
 zoo-punctual --estimator lcs-paper --emitters point --gate 5m..8m --spp 8
 zoo-punctual --estimator lcs --emitters spot --gate 7.9m..8.1m --spp 16
 zoo-punctual --estimator lcs --spp 16
+zoo-punctual --estimator lcs --sigma-s 0.1 --sigma-a 0.02 --phase-g 0.5 --gate 7.9m..8.1m --spp 8
 zoo-beam --estimator bdpt --gate 7m..8m --spp 16
 zoo-beam --estimator lcs-paper --gate 7m..8m --spp 16
 zoo-beam --estimator lcs --gate 7.5m..7.6m --splat-paths 5000 --spp 16
 door-ajar --estimator bdpt --gate 16.8m..17.1m --spp 16
 door-ajar --estimator lcs --gate 16.8m..17.1m --spp 16 --light-paths 20000
 door-ajar --estimator lcs-paper --gate 16.8m..17.1m --queries 4 --leaf-size 4 --buckets 4 --spp 8
+layers --estimator lcs --gate 5m..12m --spp 8
+sun_and_orthographic --estimator pt --spp 16
 LIST
 )
 

@@ -20,10 +20,8 @@ pub fn render(out: &Path) -> taugate::Result<f64> {
     let settings = Settings::builder().gate(Gate::new(6.2, 6.3)?).resolution([64, 64]).build()?;
     let mut renderer = Renderer::new(&Device::open(None)?, &scene, &settings)?;
     let start = Instant::now();
-    for _ in 0..8 {
-        renderer.iterate(8)?;
-    }
-    write_exr(out, renderer.film(), &settings, start.elapsed())?;
+    renderer.render(settings.budget())?;
+    write_exr(out, renderer.film(), renderer.responses(), &settings, start.elapsed())?;
     Ok(renderer.film().image_mean().0)
 }
 

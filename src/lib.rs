@@ -2,8 +2,8 @@
 //! gate.
 //!
 //! A [`Scene`] is built from arrays or, with [`load_scene`], read from a glTF file. [`Settings`] choose camera, gate and
-//! estimator. A [`Renderer`] adds iterations to a [`Film`] on a Vulkan [`Device`]. [`write_exr`] writes the film, and
-//! [`compare`] measures its error against a reference. A complete program, `examples/render_gate.rs`:
+//! estimator. A [`Renderer`] adds iterations to a [`Film`] on a Vulkan [`Device`]; [`Renderer::render`] runs as many as
+//! `taugate render` does. [`write_exr`] writes the images, and [`compare`] measures the error against a reference. A complete program, `examples/render_gate.rs`:
 //!
 //! ```no_run
 #![doc = include_str!("../examples/render_gate.rs")]
@@ -67,8 +67,8 @@ pub use image::response_film::ResponseFilm;
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{
-    AlphaMode, Camera, DensityGrid, GridFilter, Image, Instance, Light, LightKind, Material, Medium, Mesh,
-    PhaseFunction, Projection, Scene, Texture, Wrap,
+    Aim, AlphaMode, Camera, DensityGrid, GridFilter, Image, Instance, Light, LightKind, Material, Medium, Mesh,
+    PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, Wrap,
 };
 pub use settings::SettingsBuilder;
 pub use settings::frequencies::Frequencies;
@@ -79,8 +79,8 @@ pub use settings::{
     UseEllipsoids,
 };
 
-/// All modules, for the program, the tests and the benches of this package. They are not part of the API and may change at any
-/// time.
+/// All modules, for the program, the tests and the benches of this package, and for the Python package of this workspace. They are
+/// not part of the API and may change at any time.
 #[doc(hidden)]
 #[allow(missing_docs)]
 pub mod internals {

@@ -16,10 +16,12 @@ use taugate::internals::image::exr_file::{self, Provenance, read_picture};
 use taugate::internals::image::film::Film;
 use taugate::internals::image::layers::{Layers, Plane};
 use taugate::internals::image::png_file;
+use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::resolve;
+use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::settings::{Budget, Crop, Estimator, Settings};
+use taugate::internals::settings::{Budget, Crop, Estimator, Responses, Settings};
 
 const SETTINGS: &str = "scene = \"röom.glb\"\n\n[gate]\ngate = \"12.5m..12.8m\"\n";
 
@@ -271,7 +273,7 @@ fn write_exr_notes_the_settings_as_an_experiment() {
         .budget(Budget::Spp(4))
         .build()
         .unwrap();
-    taugate::write_exr(&path, &Film::new(6, 4), &settings, Duration::from_secs(1)).unwrap();
+    taugate::write_exr(&path, &Film::new(6, 4), None, &settings, Duration::from_secs(1)).unwrap();
     let meta = MetaData::read_from_file(&path, true).unwrap();
     let attributes = &meta.headers[0].own_attributes.other;
     let (_, value) = attributes.iter().find(|(key, _)| key.bytes() == b"tof:settings").expect("the attribute");
@@ -279,4 +281,31 @@ fn write_exr_notes_the_settings_as_an_experiment() {
     let experiment = Experiment::parse(&text.to_string()).unwrap();
     let scene = build(Kind::CornellBox);
     assert_eq!(resolve(&experiment, &scene).unwrap().settings, settings, "{text}");
+}
+
+/// The file of several responses once held their sum, labelled with the first gate.
+#[test]
+fn write_exr_writes_the_image_of_each_response() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.exr");
+    let gates = Responses::from("1m..3m/2".parse::<Gates>().unwrap());
+    let settings = Settings::builder().responses(gates).resolution([3, 2]).build().unwrap();
+    let (film, time) = (Film::new(3, 2), Duration::ZERO);
+    let images = ResponseFilm::new(6, 2, false);
+    taugate::write_exr(&path, &film, Some(&images), &settings, time).unwrap();
+    let meta = MetaData::read_from_file(&path, true).unwrap();
+    let names: Vec<String> = meta.headers[0].channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R", "bin1.B", "bin1.G", "bin1.R"]);
+    let single = Settings::builder().resolution([3, 2]).build().unwrap();
+    let [pixels, responses] = [ResponseFilm::new(5, 2, false), ResponseFilm::new(6, 3, false)];
+    for (film, images, settings, part) in [
+        (&film, None, &settings, "is 2 in the settings, but 1 in the images"),
+        (&film, Some(&responses), &settings, "is 2 in the settings, but 3 in the images"),
+        (&film, Some(&images), &single, "is 1 in the settings, but 2 in the images"),
+        (&film, Some(&pixels), &settings, "do not have the size of the crop, 3x2"),
+        (&Film::new(2, 3), None, &single, "do not have the size of the crop, 3x2"),
+    ] {
+        let error = taugate::write_exr(&path, film, images, settings, time).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
 }

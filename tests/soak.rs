@@ -50,7 +50,7 @@ fn round(device: &Device, scenes: &[Scene], folder: &Path, seed: u32) {
                 renderer.restart(seed, gate).unwrap();
                 (0..2).for_each(|_| renderer.iterate(2).unwrap());
             }
-            exr_file::write_film(&folder.join("out.exr"), renderer.film(), &one, Duration::from_secs(1)).unwrap();
+            exr_file::write_film(&folder.join("out.exr"), renderer.film(), None, &one, Duration::from_secs(1)).unwrap();
             let mut many = Renderer::new(device, &loaded, &settings.responses(gates).build().unwrap()).unwrap();
             many.iterate(2).unwrap();
         }

@@ -13,7 +13,6 @@ use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::render::schedule::next_samples;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::aov::Aov;
@@ -240,11 +239,8 @@ fn add(
     // An abandoned iteration would clear the images of responses, so such a render finishes its iteration.
     let never = Arc::default();
     loop {
-        let (film, elapsed) = (renderer.film(), started.elapsed());
-        let samples = next_samples(&budget, film.iterations(), film.samples(), elapsed);
-        // If the image is certain to be black, two iterations are enough: they give a variance.
-        let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && film.iterations() == 2;
-        if samples == 0 || black || stop.load(Ordering::SeqCst) {
+        let samples = renderer.next_samples(&budget, started.elapsed());
+        if samples == 0 || stop.load(Ordering::SeqCst) {
             return Ok(());
         }
         renderer.iterate_unless(samples, if renderer.has_responses() { &never } else { stop })?;

@@ -7,6 +7,9 @@ import numpy as np
 from ._camera import Camera
 from ._errors import SettingsError
 
+#: Auxiliary layers: their names, and the names of their channels.
+_LAYERS = {"depth": "Z", "normal": "XYZ", "albedo": "RGB", "object": ("ID",), "arrival": "Z"}
+
 
 class _Result:
     """What an image and a histogram have in common. They can be pickled and copied."""
@@ -66,7 +69,7 @@ class _Result:
         surface, they are 0."""
         channels = self._native.layers()
         layers = {}
-        for group, parts in (("depth", "Z"), ("normal", "XYZ"), ("albedo", "RGB"), ("object", ("ID",)), ("arrival", "Z")):
+        for group, parts in _LAYERS.items():
             names = [f"{group}.{part}" for part in parts]
             if all(name in channels for name in names):
                 planes = [channels.pop(name) for name in names]
@@ -74,7 +77,7 @@ class _Result:
         return {**layers, **channels}
 
     def __getattr__(self, name):
-        if name in ("depth", "normal", "albedo", "object", "arrival"):
+        if name in _LAYERS:
             if name in self.layers:
                 return self.layers[name]
             raise AttributeError(f"this render has no layer {name}; render with aov='{name}'")

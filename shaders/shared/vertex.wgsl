@@ -1,5 +1,6 @@
 // A vertex of a subpath: a point on a surface or on an emitter, or a scattering event in a medium. Only this module evaluates and
-// samples vertices and computes their densities, cosines and sides. So its callers treat vertices with and without a normal alike.
+// samples vertices and computes their densities, cosines and sides. So kernels treat vertices with and without a normal alike. The
+// bounds of `leaf`, and auxiliary vertices (`auxiliary`), ask whether a vertex has a normal.
 #import emitter
 #import phase
 

@@ -65,7 +65,7 @@ impl Job {
             let resolved = resolve::resolve(&experiment, &job.scene).map_err(|e| wrong(e, Part::Name))?;
             job.warnings
                 .extend(resolved.warnings.into_iter().filter(|w| !job.warnings.contains(w)).collect::<Vec<_>>());
-            if job.sees_all(&resolved.settings) {
+            if resolved.settings.missed_lights(&job.scene).next().is_none() {
                 job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
             } else {
                 job.warnings.push(format!("{} is left out because it cannot find the light of a beam", variant.name));
@@ -79,13 +79,6 @@ impl Job {
             ));
         }
         Ok(job)
-    }
-
-    /// Whether these settings find all light. Some estimators cannot find the light of a beam.
-    fn sees_all(&self, settings: &Settings) -> bool {
-        let selected = self.scene.lights.iter().filter(|light| settings.emitters().include(&light.node));
-        let beams = selected.filter(|light| light.kind.needs_light_subpaths()).count();
-        beams == 0 || settings.estimator().sees_beams()
     }
 
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {

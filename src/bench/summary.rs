@@ -86,9 +86,9 @@ impl ErrorSummary {
     }
 }
 
-/// Whether the estimator of this name is a baseline, with which the others are compared: pt or bdpt.
+/// Whether the estimator of this name is a baseline, with which the others are compared.
 pub fn is_baseline(estimator: &str) -> bool {
-    matches!(estimator.parse(), Ok(Estimator::Pt | Estimator::Bdpt))
+    estimator.parse::<Estimator>().is_ok_and(|estimator| estimator.record().is_baseline)
 }
 
 /// relMSE over all pixels.

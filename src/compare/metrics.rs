@@ -73,9 +73,16 @@ pub struct Comparison {
     pub ratio_of_means: f64,
 }
 
-/// Compares interleaved images of equal, non-zero length with finite values. Fails if the mean of the reference is 0.
+/// Compares interleaved images with finite values. Fails if they differ in length or have no values, or if the mean of the reference is
+/// 0.
 pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
-    assert_eq!(image.len(), reference.len(), "images are compared at the same size");
+    if image.len() != reference.len() || image.is_empty() {
+        return Err(Error::Settings(format!(
+            "an image of {} values cannot be compared with a reference of {}; give images of the same size",
+            image.len(),
+            reference.len()
+        )));
+    }
     let n = reference.len() as f64;
     let mean_of = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>() / n;
     let (mean, reference_mean) = (mean_of(image), mean_of(reference));
@@ -143,6 +150,9 @@ mod tests {
     #[test]
     fn a_black_reference_is_refused_and_odd_values_are_found() {
         assert!(compare(&[1.0], &[0.0]).is_err());
+        for (image, reference) in [(&[1.0, 2.0][..], &[1.0][..]), (&[], &[])] {
+            assert!(compare(image, reference).unwrap_err().to_string().contains("give images of the same size"));
+        }
         assert_eq!(first_non_finite(&[0.0, 1.0, 2.0, 3.0, f32::NAN, 0.0]), Some((1, 1)));
         assert_eq!(first_non_finite(&[0.0; 6]), None);
     }

@@ -31,5 +31,6 @@ pub(super) static RECORD: Record = Record {
     ellipsoids: Ellipsoids::None,
     ellipsoid_sample_count: 1.0,
     renders_references: true,
+    is_baseline: true,
     judge: Estimator::LcsPaper,
 };

@@ -25,5 +25,6 @@ pub(super) static RECORD: Record = Record {
     ellipsoids: Ellipsoids::Enumerated,
     ellipsoid_sample_count: 1.0,
     renders_references: false,
+    is_baseline: false,
     judge: Estimator::Bdpt,
 };

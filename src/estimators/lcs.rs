@@ -41,6 +41,7 @@ const GENERAL: Record = Record {
     ellipsoids: Ellipsoids::None,
     ellipsoid_sample_count: 1.0,
     renders_references: true,
+    is_baseline: false,
     judge: Estimator::Bdpt,
 };
 
@@ -80,5 +81,6 @@ static FOR_HISTOGRAMS: Record = Record {
     ellipsoids: Ellipsoids::None,
     ellipsoid_sample_count: 1.0,
     renders_references: true,
+    is_baseline: false,
     judge: Estimator::Bdpt,
 };

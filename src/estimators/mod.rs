@@ -13,6 +13,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
+use crate::scene::LightKind;
 
 /// Which paths a render forms, and how it chooses connections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -75,6 +76,8 @@ pub struct Record {
     pub ellipsoid_sample_count: f32,
     /// Whether the bench considers this estimator when it looks for the fastest way to render a reference.
     pub renders_references: bool,
+    /// Whether the bench compares the errors of the other estimators with the errors of this one.
+    pub is_baseline: bool,
     /// Estimator that checks the references rendered by this one: it finds the same paths by another method.
     pub judge: Estimator,
 }
@@ -178,6 +181,7 @@ impl Estimator {
     pub const UNGATED: Estimator = Estimator::Bdpt;
 
     /// The record that describes this estimator to the rest of the program.
+    #[doc(hidden)]
     pub fn record(self) -> &'static Record {
         match self {
             Estimator::Pt => &pt::RECORD,
@@ -189,6 +193,7 @@ impl Estimator {
     }
 
     /// The estimator that renders under these conditions unless the user names one.
+    #[doc(hidden)]
     pub fn default_for(conditions: &Conditions) -> Estimator {
         let is_default = |estimator: &Estimator| (estimator.record().is_default)(conditions);
         Estimator::ALL.into_iter().find(is_default).expect("one estimator is the default for any conditions")
@@ -227,6 +232,11 @@ impl Estimator {
     /// Whether the estimator finds the light of collimated beams.
     pub fn sees_beams(self) -> bool {
         self.record().light_subpaths
+    }
+
+    /// Whether the estimator finds no light of this kind of lamp.
+    pub fn misses(self, kind: &LightKind) -> bool {
+        kind.needs_light_subpaths() && !self.sees_beams()
     }
 
     /// Error message for a user who asks this estimator for the light of `beam`, which it cannot find. It names the estimators

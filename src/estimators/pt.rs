@@ -27,5 +27,6 @@ pub(super) static RECORD: Record = Record {
     ellipsoids: Ellipsoids::None,
     ellipsoid_sample_count: 1.0,
     renders_references: false,
+    is_baseline: true,
     judge: Estimator::Bdpt,
 };

@@ -41,6 +41,7 @@ impl Device {
     }
 
     /// As [`Device::open`], but the host drives the device as `drive` says. `None`: as the device's memory suggests.
+    #[doc(hidden)]
     pub fn open_with_drive(selector: Option<&str>, drive: Option<Drive>) -> Result<Device> {
         let instance = Instance::open()?;
         let (physical, infos): (Vec<_>, Vec<_>) = instance.devices()?.into_iter().unzip();

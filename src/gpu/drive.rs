@@ -1,5 +1,7 @@
 //! How the host drives a device, depending on the device's memory.
 
+#![warn(missing_docs)]
+
 use ash::vk;
 
 use crate::error::{Error, Result};

@@ -44,14 +44,17 @@ pub struct DeviceInfo {
     /// Maximum size of one allocation, in bytes.
     pub max_allocation: u64,
     /// Maximum numbers of buffers that a kernel may bind.
+    #[doc(hidden)]
     pub max_buffers: BufferCounts,
     /// Number of invocations in a subgroup.
     pub subgroup_size: u32,
     /// Maximum number of invocations in a workgroup.
     pub max_workgroup_invocations: u32,
     /// Properties of the driver that kernels must know.
+    #[doc(hidden)]
     pub quirks: Quirks,
     /// How the host drives the device.
+    #[doc(hidden)]
     pub drive: Drive,
     /// Whether the driver translates Vulkan to another interface and passes only a part of Vulkan's tests: Mesa's Dozen, which
     /// Windows offers to Linux (WSL). Software is preferred.

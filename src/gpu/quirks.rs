@@ -1,5 +1,7 @@
 //! Properties of drivers that kernels must know: defects, and accuracy beyond Vulkan's guarantees.
 
+#![warn(missing_docs)]
+
 use ash::vk;
 
 /// Known properties of a driver. Each field sets an override constant of kernels. The defaults are safe for an unknown driver.
@@ -15,6 +17,7 @@ pub struct Quirks {
 }
 
 impl Quirks {
+    /// An unknown driver: no accuracy beyond Vulkan's guarantees, and no known defect.
     pub const NONE: Quirks = Quirks { exact_sines: false, exit_at_top: false };
 
     pub(super) fn of(driver: vk::DriverId) -> Quirks {

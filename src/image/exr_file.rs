@@ -9,7 +9,7 @@ use exr::prelude::{
     ReadChannels, ReadLayers, ReadSpecificChannel, Text, Vec2, WritableImage, read,
 };
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::write_atomically;
 use crate::image::channels::{self, ChannelGroup};
 use crate::image::exr_header::{COLOR_CHANNELS, read_size, unreadable};
@@ -59,13 +59,35 @@ pub fn version() -> String {
     format!("taugate {}{commit}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Writes the film of a render with these settings: mean and variance of every pixel, gate, seed and version. The render took
-/// `elapsed`.
+/// Writes the images of a render with these settings: mean and variance of every pixel, gate, seed and version. The render took
+/// `elapsed`. With several responses, R, G and B are the image of the first one; a further response NAME has the channels NAME.R,
+/// NAME.G and NAME.B, and its variance if the film estimates it. `images` holds them, as [`crate::Renderer::responses`] returns them;
+/// it is `None` if the settings have a single response. Fails if the number or the size of the images is not that of the settings.
 /// The attribute `tof:settings` holds the settings as an experiment file. It lacks the path of the scene and the name of the
 /// camera, which the settings do not contain. After [`crate::Renderer::restart`], `settings` must have the seed and the gate
 /// passed to it.
-pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Duration) -> Result<()> {
-    write(path, film, &Provenance::new(settings, elapsed.as_secs_f64(), settings.to_tables().to_toml()))
+pub fn write_film(
+    path: &Path,
+    film: &Film,
+    images: Option<&ResponseFilm>,
+    settings: &Settings,
+    elapsed: Duration,
+) -> Result<()> {
+    let [width, height] = [settings.crop().width(), settings.crop().height()];
+    let (expected, count) = (settings.responses().len(), images.map_or(1, ResponseFilm::responses));
+    if expected != count {
+        return Err(Error::Settings(format!(
+            "the number of responses is {expected} in the settings, but {count} in the images; pass Renderer::responses of this render"
+        )));
+    }
+    let has_size = |images: &ResponseFilm| images.pixels() as u64 == u64::from(width) * u64::from(height);
+    if (film.width(), film.height()) != (width, height) || !images.is_none_or(has_size) {
+        return Err(Error::Settings(format!(
+            "the images do not have the size of the crop, {width}x{height}; give the settings of their render"
+        )));
+    }
+    let provenance = Provenance::new(settings, elapsed.as_secs_f64(), settings.to_tables().to_toml());
+    write_responses(path, film, images, &provenance, &Layers::default())
 }
 
 /// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With fewer than

@@ -98,28 +98,46 @@ impl ResponseFilm {
         ResponseFilm { pixels, responses, sums, squares, samples, iterations }
     }
 
-    /// Means over all samples of the channels of a pixel, response by response; 0 before the first iteration.
+    /// Means over all samples of the channels of a pixel, response by response; 0 before the first iteration. Pixels are numbered row by
+    /// row, row 0 at the top.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
     pub fn means_of(&self, pixel: usize) -> impl ExactSizeIterator<Item = f32> {
         self.row(pixel).map(self.mean_at())
     }
 
     /// Estimated variances of [`ResponseFilm::means_of`], as in [`Film::variance_of_mean`](crate::Film::variance_of_mean). All 0
     /// with fewer than two iterations, or if the film does not estimate variances.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
     pub fn variances_of(&self, pixel: usize) -> impl ExactSizeIterator<Item = f32> {
         self.row(pixel).map(self.variance_at())
     }
 
-    /// The image of a response: R, G, B interleaved, row 0 at the top.
+    /// The image of a response, counted from 0: R, G, B interleaved, row 0 at the top.
+    ///
+    /// # Panics
+    /// If there is no such response.
     pub fn mean(&self, response: usize) -> Vec<f32> {
         self.image(response, self.mean_at())
     }
 
     /// The variance of [`ResponseFilm::mean`].
+    ///
+    /// # Panics
+    /// If there is no such response.
     pub fn variance_of_mean(&self, response: usize) -> Vec<f32> {
         self.image(response, self.variance_at())
     }
 
     fn image(&self, response: usize, value: impl Fn(usize) -> f32) -> Vec<f32> {
+        assert!(
+            response < self.responses,
+            "the film has {} responses, and none with number {response}",
+            self.responses
+        );
         let starts = (0..self.pixels).map(|pixel| 3 * (pixel * self.responses + response));
         starts.flat_map(|at| at..at + 3).map(value).collect()
     }
@@ -147,6 +165,7 @@ impl ResponseFilm {
 
     /// The indices of a pixel's values.
     fn row(&self, pixel: usize) -> std::ops::Range<usize> {
+        assert!(pixel < self.pixels, "the film has {} pixels, and none with number {pixel}", self.pixels);
         let length = 3 * self.responses;
         pixel * length..(pixel + 1) * length
     }
@@ -186,6 +205,13 @@ mod tests {
             assert!(close(&film.variance_of_mean(r), &one.variance_of_mean()), "{r}");
         }
         assert!(film.mean(0) != film.mean(1) && film.variance_of_mean(1).iter().any(|&v| v > 0.0));
+    }
+
+    /// The values of the next pixel were returned instead.
+    #[test]
+    #[should_panic(expected = "2 responses, and none with number 2")]
+    fn a_response_that_is_not_there_has_no_image() {
+        ResponseFilm::new(3, 2, false).mean(2);
     }
 
     #[test]

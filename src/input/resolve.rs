@@ -85,12 +85,10 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     if settings.splat_paths() > 0 && settings.strategies() == Strategies::Paper {
         warnings.push("--splat-paths has no effect, because --strategies paper forms no path with t = 1".into());
     }
-    for light in scene.lights.iter().filter(|light| settings.emitters().include(&light.node)) {
-        let node = &light.node;
-        if light.kind.needs_light_subpaths() && !estimator.sees_beams() {
-            warnings.push(estimator.beam_refusal(&format!("the beam '{node}'")));
-        }
-    }
+    warnings.extend(settings.missed_lights(scene).map(|light| {
+        let beam = format!("the beam '{}'", light.node);
+        estimator.beam_refusal(&beam)
+    }));
     Ok(Resolved { settings, warnings, gate_warning })
 }
 

@@ -81,8 +81,9 @@ fn response(spec: &ResponseSpec, gate: Option<Gate>) -> Result<Response> {
             Ok(Response::new(spec.name.as_deref().unwrap_or(kind), gate, *edge))
         }
         Shape::Table(path) => {
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy().replace('.', "-");
-            read_table(spec.name.as_deref().unwrap_or(&stem), path)
+            // A name must not contain these characters, nor spaces at its ends.
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().replace(['.', '=', '\\'], "-");
+            read_table(spec.name.as_deref().unwrap_or(stem.trim()), path)
         }
     }
 }
@@ -171,6 +172,16 @@ mod tests {
         let list = of("gate = '1m..2m'\nresponse = ['box', 'near=gauss:1ns', 'far=box:3m..4m']").unwrap();
         assert_eq!(names(&list), ["box", "near", "far"]);
         assert!(of("gate = '1m..2m'\nresponse = 'box'").unwrap().is_single_box());
+    }
+
+    /// The name of a layer must contain neither a dot nor an equals sign.
+    #[test]
+    fn a_table_is_named_after_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(" t=5.0.csv");
+        std::fs::write(&path, "tau_m,weight\n1,1\n2,1\n").unwrap();
+        let responses = of(&format!("response = '{}'", path.display())).unwrap();
+        assert_eq!(responses.iter().next().unwrap().name(), "t-5-0");
     }
 
     #[test]

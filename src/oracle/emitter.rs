@@ -150,7 +150,7 @@ fn intensity(light: &Light, away: DVec3) -> Option<[f64; 3]> {
             let fall = ((cos - outer) / (inner - outer).max(1e-12)).clamp(0.0, 1.0).powi(2);
             (fall > 0.0).then(|| intensity.map(|i| f64::from(i) * fall))
         }
-        _ => None,
+        LightKind::Beam { .. } | LightKind::Directional { .. } | LightKind::Sky { .. } => None,
     }
 }
 

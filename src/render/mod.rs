@@ -5,6 +5,7 @@ mod aimed_points;
 pub mod albedo;
 mod arrival;
 mod black_backs;
+mod budget;
 mod compaction;
 mod coplanar;
 mod device_scene;

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use crate::scene::{LightKind, Medium, Scene};
+use crate::scene::{Light, Medium, Scene};
 use crate::settings::Settings;
 
 /// Returns a warning, with the remedy, if a lamp in use is at the pinhole, a medium there scatters, and light without a travel time is
@@ -18,10 +18,9 @@ pub fn warning(
     sensor: Box3,
     powers: &BTreeMap<String, f64>,
 ) -> Option<String> {
-    let shines_everywhere = |kind: &LightKind| matches!(kind, LightKind::Point { .. } | LightKind::Spot { .. });
     let is_at_pinhole = |position: DVec3| sensor.is_at(space.point(position));
-    let mut lights =
-        scene.lights.iter().filter(|light| shines_everywhere(&light.kind) && powers.contains_key(&light.node));
+    let is_lamp = |light: &&Light| light.kind.spreads_from_a_point() && powers.contains_key(&light.node);
+    let mut lights = scene.lights.iter().filter(is_lamp);
     let lamp = lights.find(|light| is_at_pinhole(light.position))?;
     let contains = |medium: &&Medium| {
         medium.extent().is_none_or(|[lo, hi]| lo.cmple(lamp.position).all() && lamp.position.cmple(hi).all())
@@ -41,6 +40,7 @@ mod tests {
     use super::*;
     use crate::generate::{Kind, build};
     use crate::render::PreparedScene;
+    use crate::scene::LightKind;
     use crate::settings::units::Gate;
 
     #[test]

@@ -148,7 +148,7 @@ pub struct Plan {
 impl Plan {
     pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Plan> {
         let emitters = &prepared.emitters;
-        if !emitters.has_connectable() && !settings.estimator().sees_beams() {
+        if !emitters.has_connectable() && settings.missed_lights(scene).next().is_some() {
             return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies() == Strategies::All;
@@ -230,17 +230,18 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Replaces the camera; the film keeps its size. Returns whether it did. Nothing changes for a camera of another
-    /// kind (perspective, orthographic, aimed), or too far from the one that the scene was prepared for (see
-    /// [`RenderSpace::sensor`]).
-    pub fn set_camera(&mut self, camera: &Camera) -> bool {
+    /// Whether [`Plan::set_camera`] can replace the camera by this one. It cannot take a camera of another kind (perspective,
+    /// orthographic, aimed), or too far from the one that the scene was prepared for (see [`RenderSpace::sensor`]).
+    pub fn takes(&self, camera: &Camera) -> bool {
         let aims = camera.projection.aims().map_or(0, <[Aim]>::len);
         let is_same_kind = camera.projection.is_orthographic() == self.is_orthographic && aims == self.aims;
-        let is_taken = is_same_kind && self.aim(camera);
-        if is_taken {
-            self.set(self.frame.seed, self.responses.clone());
-        }
-        is_taken
+        is_same_kind && self.space.sensor(camera.transform.translation).is_some()
+    }
+
+    /// Replaces the camera by one that [`Plan::takes`]; the film keeps its size.
+    pub fn set_camera(&mut self, camera: &Camera) {
+        self.aim(camera);
+        self.set(self.frame.seed, self.responses.clone());
     }
 
     /// Sets the camera's position, axes and view in the frame. Returns false and changes nothing if the camera is too far away.

@@ -1,5 +1,7 @@
 //! A renderer begins again with another seed, gate, camera or other lights, and keeps the scene and the kernels.
 
+#![warn(missing_docs)]
+
 use super::prepared_scene::PreparedScene;
 use super::responses::ResponseSums;
 use super::{Iterations, Renderer, Stats};
@@ -8,23 +10,17 @@ use crate::image::film::Film;
 use crate::scene::Camera;
 #[cfg(doc)]
 use crate::scene::Scene;
-use crate::settings::units::Gate;
 use crate::settings::{Responses, Settings};
 
 impl Renderer {
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
-    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, or if there is a gate and
-    /// a light is infinitely far away. Also fails if the responses need other kernels, as several responses do after a single box.
+    /// statistics stay. Fails without any change if the responses are invalid ([`Responses::new`]), or if there is a gate and a light
+    /// is infinitely far away. Also fails if the responses need other kernels, as several responses do after a single box.
     ///
     /// The new gate does not decide whether there are ellipsoidal connections: the gate that the renderer was made for did.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
-        let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
-        if !responses.iter().all(|response| is_interval(response.gate())) {
-            return Err(Error::Settings(
-                "a gate must start at a finite time and end later, such as 12.5m..12.8m".into(),
-            ));
-        }
+        responses.check()?;
         if self.plan.has_distant && !responses.are_steady() {
             return Err(Error::Settings(
                 "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
@@ -48,23 +44,26 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the
-    /// kernels and the statistics stay. Fails if [`Scene::check`] would refuse the camera.
+    /// kernels and the statistics stay. Fails without any change to the render if [`Scene::check`] would refuse the camera, or if the
+    /// device is lost.
     ///
     /// Returns false and changes nothing in two cases; create a new renderer then. `camera` is too far from the camera that the
     /// scene was prepared for, so positions would be imprecise. Or the two are of different kinds, such as perspective and
     /// orthographic, or aim at different numbers of points.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
         camera.check()?;
-        let moved = self.plan.set_camera(camera);
-        if moved {
-            self.scene.write_aims(&self.plan.space.aims(camera))?;
-            self.clear();
+        if !self.plan.takes(camera) {
+            return Ok(false);
         }
-        Ok(moved)
+        // This may fail, so it comes before the plan changes.
+        self.scene.write_aims(&self.plan.space.aims(camera))?;
+        self.plan.set_camera(camera);
+        self.clear();
+        Ok(true)
     }
 
     /// Clears the film and begins a new render with lights that have moved. The BVH, the kernels and the statistics stay.
-    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`].
+    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`]. Fails if the device is lost.
     #[doc(hidden)]
     pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
@@ -75,7 +74,7 @@ impl Renderer {
     }
 
     /// As [`Renderer::set_lights`], for lights that have moved by at most `distance` metres ([`PreparedScene::follow_nearby`]).
-    /// Does not visit the triangles again, so it is fast in large scenes too, but fewer paths are culled.
+    /// Does not visit the triangles again, so it is fast in large scenes too, but fewer paths are culled. Fails if the device is lost.
     #[doc(hidden)]
     pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
@@ -85,14 +84,15 @@ impl Renderer {
         Ok(())
     }
 
-    /// Forgets the counts and times so far, except the counts of the scene.
+    /// Forgets the counts and times so far, except the counts of the scene: its bytes on the device, and its triangles.
     #[doc(hidden)]
     pub fn clear_stats(&mut self) {
         let Stats { scene_bytes, triangles, .. } = self.stats;
         self.stats = Stats { scene_bytes, triangles, ..Stats::default() };
     }
 
-    /// Counts of work and times so far.
+    /// Counts of work, and seconds of each part of it, over all iterations since the renderer was made or since
+    /// [`Renderer::clear_stats`].
     #[doc(hidden)]
     pub fn stats(&self) -> &Stats {
         &self.stats

@@ -129,7 +129,7 @@ impl SensorTracer {
 
     /// Renders `counts` samples per pixel of the crop. Adds the mean of each pixel to `image` (RGB, row-major), and the arrivals to
     /// `responses`. `visit`: see [`Buffers::add_film`]. Returns false, with nothing added to `image`, if `stop` became true before the
-    /// end. Fails if the device's counts contradict each other.
+    /// end. Fails without a call of `visit` if the device's counts contradict each other.
     #[allow(clippy::too_many_arguments)]
     pub fn run(
         &mut self,
@@ -156,12 +156,14 @@ impl SensorTracer {
                 stats.timed(stage::SORT_ARRIVALS, || responses.add(&tiles::pixels(plan.crop, tile), arrivals));
             }
         }
-        let tally = stats.timed(stage::READ_FILM, || self.buffers.add_film(image, visit))?;
+        let tally = stats.timed(stage::READ_FILM, || self.buffers.film_tallies(image.len() / 3))?;
         stats.dropped += tally[0];
         stats.shadow_rays += tally[1];
         stats.inside_gate += tally[2];
         stats.candidates += tally[3];
+        // Samples of later iterations must not follow a film that is wrong.
         stats.check()?;
+        stats.timed(stage::READ_FILM, || self.buffers.add_film(image, visit))?;
         Ok(true)
     }
 }

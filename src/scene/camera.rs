@@ -95,6 +95,9 @@ impl Camera {
     /// Unit direction in world space of the camera ray through the point `film` of an image of this resolution. `film` is in
     /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5). For [`Projection::Aimed`], the
     /// direction towards the pixel's point.
+    ///
+    /// # Panics
+    /// If the rays are aimed, and the resolution has no pixels or more pixels than there are points.
     pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         let local = match &self.projection {
             Projection::Perspective { .. } => self.on_image_plane(resolution, film) - DVec3::Z,

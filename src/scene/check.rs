@@ -26,7 +26,7 @@ impl Scene {
     /// Checks the properties that the renderer relies on: indices are in range, numbers are finite and in their range, directions
     /// have unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already passed this check.
     pub fn check(&self) -> Result<()> {
-        self.checked().map_err(|message| Error::Scene { path: PathBuf::from("the scene"), message })
+        self.checked().map_err(in_the_scene)
     }
 
     /// As [`Scene::check`], for the lights alone.
@@ -66,6 +66,11 @@ impl Camera {
     }
 }
 
+/// The error for a scene that was built from arrays.
+pub(super) fn in_the_scene(message: String) -> Error {
+    Error::Scene { path: PathBuf::from("the scene"), message }
+}
+
 /// An error if `index` is not below `count`. `of` names the object that has the index. `what` is the kind of object that
 /// the index selects.
 pub(super) fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
@@ -86,7 +91,8 @@ fn check_image(index: usize, image: &Image) -> Checked {
     }
 }
 
-fn check_mesh(mesh: &Mesh, materials: &[Material]) -> Checked {
+/// Checks the arrays of a mesh, without its material.
+pub(super) fn check_arrays(mesh: &Mesh) -> Checked {
     let name = || format!("mesh '{}'", mesh.name);
     let vertices = mesh.positions.len();
     if vertices == 0 {
@@ -121,6 +127,12 @@ fn check_mesh(mesh: &Mesh, materials: &[Material]) -> Checked {
     if let Some(corner) = mesh.triangles.iter().flatten().find(|&&corner| corner as usize >= vertices) {
         return Err(format!("{} has a triangle with corner {corner}, but only {vertices} positions", name()));
     }
+    Ok(())
+}
+
+fn check_mesh(mesh: &Mesh, materials: &[Material]) -> Checked {
+    check_arrays(mesh)?;
+    let name = || format!("mesh '{}'", mesh.name);
     below(mesh.material, materials.len(), name, "material")?;
     if materials[mesh.material as usize].normal_texture.is_some() && !mesh.uvs.is_empty() && mesh.tangents.is_empty() {
         return Err(format!("{} has a normal map, but no tangents; call add_tangents", name()));

@@ -129,6 +129,11 @@ impl LightKind {
         matches!(self, LightKind::Sky { .. })
     }
 
+    /// Whether all light starts at the light's position and spreads from there: a point or a spot.
+    pub fn spreads_from_a_point(&self) -> bool {
+        matches!(self, LightKind::Point { .. } | LightKind::Spot { .. })
+    }
+
     /// Radius in metres, around the light's position, of the region where all of its light starts. `None` for a light that
     /// is infinitely far away.
     pub fn radius(&self) -> Option<f64> {

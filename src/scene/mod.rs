@@ -99,13 +99,13 @@ impl Scene {
 
     /// Lower and upper corner of a box around all instances, in metres. The box contains the transformed box of each mesh, so it
     /// may be larger than the tightest box around the triangles. Without instances, it is a box around the media that have bounds
-    /// or a grid; `None` if there are no such media.
+    /// or a grid; `None` if there are no such media. Instances of meshes that the scene does not have are left out;
+    /// [`Scene::check`] finds them.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
-        let corners =
-            self.instances.iter().flat_map(|instance| corners(boxes[instance.mesh as usize], &instance.transform));
+        let box_of = |instance: &Instance| Some(corners(*boxes.get(instance.mesh as usize)?, &instance.transform));
         let corners: Vec<DVec3> = match self.instances.is_empty() {
-            false => corners.collect(),
+            false => self.instances.iter().filter_map(box_of).flatten().collect(),
             true => self.media.iter().filter_map(Medium::extent).flatten().collect(),
         };
         corners.into_iter().map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)])
@@ -221,5 +221,7 @@ mod tests {
         // The turned box is 2 by 1 m; its two copies stand 3 m apart.
         let scene = Scene { meshes: vec![mesh], instances: vec![at(0.0), at(3.0)], ..Scene::default() };
         assert!((scene.diagonal() - 26f64.sqrt()).abs() < 1e-12);
+        let lost = Scene { instances: vec![Instance { mesh: 7, ..at(0.0) }], ..scene };
+        assert_eq!(lost.bounds(), None);
     }
 }

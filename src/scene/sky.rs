@@ -25,6 +25,9 @@ impl SkyImage {
     }
 
     /// The texel in the direction `w`, a unit vector from the scene.
+    ///
+    /// # Panics
+    /// If the image has no texels, or if their number is not `width` times `height`.
     pub fn towards(&self, w: DVec3) -> [f32; 3] {
         let across = w.z.atan2(w.x) / (2.0 * PI) + 0.5;
         let down = w.y.clamp(-1.0, 1.0).acos() / PI;

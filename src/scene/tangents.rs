@@ -5,14 +5,31 @@ use std::collections::HashMap;
 use glam::Vec3;
 
 use super::Mesh;
+use super::check::{check_arrays, in_the_scene};
+use crate::error::Result;
 
 /// MikkTSpace needs stack space for each triangle around a vertex.
 const MAX_SHARED: u64 = 4096;
 
 impl Mesh {
     /// Computes [`Mesh::tangents`] from positions, normals and texture coordinates. Vertices whose triangles need different
-    /// tangents are split. Without texture coordinates it does nothing.
-    pub fn add_tangents(&mut self) {
+    /// tangents are split. Without texture coordinates it does nothing. Fails without any change if an array of the mesh breaks a rule
+    /// of [`Scene::check`](super::Scene::check), or if more than 4096 triangles share a vertex.
+    pub fn add_tangents(&mut self) -> Result<()> {
+        check_arrays(self).map_err(in_the_scene)?;
+        if self.tangent_work().is_none() {
+            return Err(in_the_scene(format!(
+                "in mesh '{}' more than {MAX_SHARED} triangles share a vertex, which is too many for tangents; divide the mesh, or \
+                 leave out its normal map",
+                self.name
+            )));
+        }
+        self.compute_tangents();
+        Ok(())
+    }
+
+    /// As [`Mesh::add_tangents`], for a mesh with valid arrays and [`Mesh::tangent_work`].
+    pub(super) fn compute_tangents(&mut self) {
         if self.uvs.is_empty() {
             return;
         }
@@ -145,7 +162,7 @@ mod tests {
         for (mirrored, tangent) in [(false, [1.0, 0.0, 0.0, 1.0]), (true, [-1.0, 0.0, 0.0, -1.0])] {
             for normals in [vec![], vec![[0.0, 0.0, 1.0]; 4]] {
                 let mut mesh = Mesh { normals, ..quad(mirrored) };
-                mesh.add_tangents();
+                mesh.add_tangents().unwrap();
                 assert_eq!((mesh.tangents.len(), mesh.positions.len(), mesh.uvs.len()), (4, 4, 4));
                 // cross(normal, tangent) w is the direction of green: +y in both cases.
                 assert!(mesh.tangents.iter().all(|t| *t == tangent), "{mirrored}: {:?}", mesh.tangents);
@@ -162,7 +179,7 @@ mod tests {
         mesh.colors = (0..6).map(|i| [i as f32 / 5.0, 0.0, 0.0, 1.0]).collect();
         mesh.triangles.extend([[1, 4, 5], [1, 5, 2]]);
         let before = mesh.clone();
-        mesh.add_tangents();
+        mesh.add_tangents().unwrap();
         assert_eq!((mesh.positions.len(), mesh.tangents.len(), mesh.colors.len()), (8, 8, 8));
         for (old, new) in before.triangles.as_flattened().iter().zip(mesh.triangles.as_flattened()) {
             let (old, new) = (*old as usize, *new as usize);
@@ -178,10 +195,32 @@ mod tests {
     #[test]
     fn degenerate_texture_coordinates_give_unit_tangents() {
         let mut mesh = Mesh { uvs: vec![[0.5, 0.5]; 4], ..quad(false) };
-        mesh.add_tangents();
+        mesh.add_tangents().unwrap();
         assert!(mesh.tangents.iter().all(|&[x, y, z, _]| (Vec3::new(x, y, z).length() - 1.0).abs() < 1e-6));
         let mut plain = Mesh { uvs: vec![], ..quad(false) };
-        plain.add_tangents();
+        plain.add_tangents().unwrap();
         assert!(plain.tangents.is_empty());
+    }
+
+    #[test]
+    fn a_mesh_without_valid_tangents_is_refused() {
+        let lost = Mesh { triangles: vec![[0, 1, 9]], ..quad(false) };
+        let short = Mesh { uvs: vec![[0.0; 2]; 3], ..quad(false) };
+        // A fan of triangles around one vertex.
+        let around = |i: u32| [f64::from(i).cos() as f32, f64::from(i).sin() as f32, 0.0];
+        let positions: Vec<[f32; 3]> = [[0.0; 3]].into_iter().chain((0..5000).map(around)).collect();
+        let uvs = positions.iter().map(|&[x, y, _]| [x, y]).collect();
+        let normals = vec![[0.0, 0.0, 1.0]; positions.len()];
+        let triangles = (1..4999).map(|i| [0, i, i + 1]).collect();
+        let fan = Mesh { positions, normals, uvs, triangles, ..Mesh::default() };
+        for (mesh, part) in [
+            (lost, "a triangle with corner 9, but only 4 positions"),
+            (short, "3 uvs for 4 positions"),
+            (fan, "more than 4096 triangles share a vertex"),
+        ] {
+            let mut same = mesh.clone();
+            let error = same.add_tangents().unwrap_err().to_string();
+            assert!(error.contains(part) && same == mesh, "{error}");
+        }
     }
 }

@@ -10,16 +10,18 @@ use crate::estimators::Ellipsoids;
 use crate::generate::numbers::sin_cos;
 use crate::generate::{Kind, build, stage, zoo::Light};
 use crate::gpu::Device;
+use crate::oracle::fog::{Coefficients, gated_single_scattering};
+use crate::oracle::phase::Phase;
 use crate::oracle::sphere::gated_radiance;
 use crate::render::Renderer;
-use crate::scene::{AlphaMode, LightKind, Material, Scene};
-use crate::settings::Estimator;
+use crate::scene::{AlphaMode, LightKind, Material, Medium, PhaseFunction, Scene};
 use crate::settings::units::Gate;
+use crate::settings::{Edge, Estimator, Response, Responses, Settings};
 
 /// Probability that a correct device fails at least one of the tests (Sidak).
 const SIGNIFICANCE: f64 = 1e-3;
 /// Upper bound on the number of tests.
-const TESTS: usize = 80;
+const TESTS: usize = 120;
 /// Relative error of the means that is allowed for 32-bit arithmetic, and for the flat facets of the sphere.
 const ROUNDING: f64 = 2e-4;
 /// Number of lamps in the sphere with many lamps: more than the estimators connect one by one.
@@ -33,6 +35,12 @@ const SPHERE_SIDE: u32 = 32;
 const PASSES: f64 = 0.75;
 /// Distance of the veil from the wall, relative to the radius.
 const VEIL: f64 = 1e-4;
+/// Coefficients of the fog per metre, and the mean cosine of its phase function.
+const FOG: Coefficients = Coefficients { sigma_s: 0.1, sigma_t: 0.12 };
+const FOG_COSINE: f64 = 0.6;
+/// Place of the lamp in the fog relative to the pinhole, in metres, and its intensity in W / sr.
+const FOG_LAMP: DVec3 = DVec3::new(0.7, 0.2, -1.0);
+const FOG_INTENSITY: f32 = 5.0;
 /// Number of iterations, from which the standard error is estimated.
 const ITERATIONS: u32 = 24;
 /// Samples per pixel in each iteration.
@@ -43,7 +51,21 @@ const SEED: u32 = 4;
 pub struct Case {
     pub name: &'static str,
     pub scene: Scene,
+    pub way: Way,
     pub expected: Vec<ExpectedMean>,
+}
+
+/// How the images of a case are rendered.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Way {
+    /// One gate after the other, with the same kernels.
+    OneByOne,
+    /// As `OneByOne`, of light that scatters once.
+    ScatteredOnce,
+    /// As `OneByOne`, with ellipsoidal connections. Only for estimators that have them in thin gates.
+    Ellipsoids,
+    /// All gates at once: a response for each of them.
+    AtOnce,
 }
 
 /// Expected mean over pixels and channels of the image through a gate, and the standard error of this mean (0 for a closed form).
@@ -56,7 +78,7 @@ pub struct ExpectedMean {
 
 /// All scenes whose means are checked.
 pub fn cases() -> Vec<Case> {
-    let case = |name, scene, expected| Case { name, scene, expected };
+    let case = |name, scene, expected| Case { name, scene, way: Way::OneByOne, expected };
     let zoo = |light| build(Kind::Zoo(light));
     let stored = |lo, hi, mean, error| ExpectedMean { gate: Gate { lo, hi }, mean, error };
     let sphere = |albedo, gates: &[(f64, f64)]| {
@@ -76,6 +98,7 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "the sphere behind a veil, lit by twelve lamps",
             scene: by_many_lamps(behind_a_veil(sphere_of(0.8))),
+            way: Way::OneByOne,
             expected: sphere(0.8 * PASSES * PASSES, &[(1.95, 3.5)]),
         },
         case(
@@ -85,7 +108,48 @@ pub fn cases() -> Vec<Case> {
         ),
         case("the zoo lit by a point and a spot", zoo(Light::Punctual), vec![stored(5.0, 8.0, 1.41081e-2, 6.6e-6)]),
         case("the zoo lit by a beam", zoo(Light::Beam), vec![stored(7.0, 8.0, 1.33640e-2, 1.17e-5)]),
+        Case {
+            name: "a lamp in fog",
+            scene: in_fog(),
+            way: Way::ScatteredOnce,
+            expected: vec![stored(1.5, 2.5, scattered_once(1.5, 2.5), 0.0)],
+        },
+        Case {
+            name: "the sphere in a thin gate",
+            scene: sphere_of(0.5),
+            way: Way::Ellipsoids,
+            expected: sphere(0.5, &[(3.3, 3.301)]),
+        },
+        Case {
+            name: "the sphere in three gates at once",
+            scene: sphere_of(0.5),
+            way: Way::AtOnce,
+            expected: sphere(0.5, &[(1.95, 3.0), (3.0, 4.0), (4.0, 6.0)]),
+        },
     ]
+}
+
+/// A lamp in fog without surfaces. The field of view is so narrow that all pixels have the same expected value.
+fn in_fog() -> Scene {
+    let mut scene = Scene::default();
+    let lamp = LightKind::Point { intensity: [FOG_INTENSITY; 3] };
+    stage::light(&mut scene, "lamp", FOG_LAMP, DVec3::NEG_Z, lamp);
+    stage::camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.02f64.to_radians(), [SPHERE_SIDE; 2]);
+    scene.media = vec![Medium {
+        sigma_s: [FOG.sigma_s; 3],
+        sigma_a: [FOG.sigma_t - FOG.sigma_s; 3],
+        phase: PhaseFunction::HenyeyGreenstein { g: FOG_COSINE },
+        ..Medium::default()
+    }];
+    scene
+}
+
+/// Radiance of [`in_fog`] through a gate, by light that scatters once.
+fn scattered_once(lo: f64, hi: f64) -> f64 {
+    let function = PhaseFunction::HenyeyGreenstein { g: FOG_COSINE };
+    let phase = Phase::new(&function);
+    let density = |cosine| phase.density(cosine);
+    gated_single_scattering(FOG, density, FOG_INTENSITY.into(), FOG_LAMP, DVec3::NEG_Z, [lo, hi])
 }
 
 /// The sphere with a black, partly transparent surface just in front of its wall.
@@ -120,28 +184,74 @@ fn by_many_lamps(mut scene: Scene) -> Scene {
 impl Case {
     /// Whether the estimator finds the light of this scene, in a short time. `epc` searches all triangles for each connection.
     pub fn is_for(&self, estimator: Estimator) -> bool {
+        let record = estimator.record();
         let triangles: usize = self.scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-        if estimator.record().ellipsoids == Ellipsoids::Enumerated && triangles > 10_000 {
+        let is_slow = record.ellipsoids == Ellipsoids::Enumerated && triangles > 10_000;
+        if is_slow || (self.way == Way::Ellipsoids && record.for_thin_gates.is_none()) {
             return false;
         }
-        let has_beam = self.scene.lights.iter().any(|light| light.kind.needs_light_subpaths());
-        estimator.sees_beams() || !has_beam
+        !self.scene.lights.iter().any(|light| estimator.misses(&light.kind))
     }
 
-    /// Renders the scene through each gate with the same kernels, and calls `done` with the name and the result of each check.
+    /// Renders the scene through each gate, and calls `done` with the name and the result of each check.
     pub fn check(&self, device: &Device, method: Method, done: &mut dyn FnMut(&str, Result<Verdict>)) {
-        let renderer = method
-            .settings(&self.scene, "light-paths = 2000")
-            .and_then(|settings| Renderer::new(device, &self.scene, &settings));
+        let renderer = self.settings(method).and_then(|settings| Renderer::new(device, &self.scene, &settings));
         let mut renderer = match renderer {
             Ok(renderer) => renderer,
             Err(error) => return done(self.name, Err(error)),
         };
-        for expected_mean in &self.expected {
+        let verdicts: Vec<Result<Verdict>> = match self.way {
+            Way::AtOnce => match self.check_at_once(&mut renderer) {
+                Ok(verdicts) => verdicts.into_iter().map(Ok).collect(),
+                Err(error) => return done(self.name, Err(error)),
+            },
+            _ => self.expected.iter().map(|expected_mean| expected_mean.check(&mut renderer)).collect(),
+        };
+        for (expected_mean, verdict) in self.expected.iter().zip(verdicts) {
             let gate = if expected_mean.gate.is_open() { "no gate".into() } else { expected_mean.gate.to_string() };
-            let name = format!("{}, {gate}", self.name);
-            done(&name, expected_mean.check(&mut renderer));
+            done(&format!("{}, {gate}", self.name), verdict);
         }
+    }
+
+    fn settings(&self, method: Method) -> Result<Settings> {
+        let few = "light-paths = 2000";
+        match self.way {
+            Way::OneByOne => method.settings(&self.scene, few),
+            Way::ScatteredOnce => method.settings(&self.scene, &format!("{few}\nmax-depth = 2")),
+            Way::Ellipsoids => method.settings(&self.scene, &format!("{few}\nellipsoids = 'on'")),
+            Way::AtOnce => method.settings(&self.scene, few)?.change().responses(self.responses()?).build(),
+        }
+    }
+
+    /// A response for each gate.
+    fn responses(&self) -> Result<Responses> {
+        let gates = self.expected.iter().map(|expected_mean| expected_mean.gate);
+        Responses::new(gates.enumerate().map(|(k, gate)| Response::new(k.to_string(), gate, Edge::Sharp)).collect())
+    }
+
+    /// Renders all gates at once. `renderer` was made for [`Case::responses`].
+    fn check_at_once(&self, renderer: &mut Renderer) -> Result<Vec<Verdict>> {
+        renderer.restart(SEED, self.responses()?)?;
+        // For each gate: the means of the image in the iterations, and their sum so far.
+        let mut means: Vec<(Vec<f64>, f64)> = vec![Default::default(); self.expected.len()];
+        for iteration in 1..=ITERATIONS {
+            renderer.iterate(SAMPLES)?;
+            let images = renderer.responses().expect("there are several responses");
+            for (k, (means, sum)) in means.iter_mut().enumerate() {
+                let image = images.mean(k);
+                let mean = image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64;
+                let new = f64::from(iteration) * mean;
+                means.push(new - *sum);
+                *sum = new;
+            }
+        }
+        let verdict = |(expected_mean, (means, sum)): (&ExpectedMean, (Vec<f64>, f64))| {
+            let n = f64::from(ITERATIONS);
+            let mean = sum / n;
+            let spread: f64 = means.iter().map(|x| (x - mean) * (x - mean)).sum();
+            expected_mean.compare(mean, (spread / (n * (n - 1.0))).sqrt())
+        };
+        Ok(self.expected.iter().zip(means).map(verdict).collect())
     }
 }
 
@@ -152,12 +262,16 @@ impl ExpectedMean {
             renderer.iterate(SAMPLES)?;
         }
         let (mean, own_error) = renderer.film().image_mean();
-        let own_error = own_error.expect("there are several iterations");
+        Ok(self.compare(mean, own_error.expect("there are several iterations")))
+    }
+
+    /// Compares a mean with the standard error `own_error`, estimated from [`ITERATIONS`] iterations.
+    fn compare(&self, mean: f64, own_error: f64) -> Verdict {
         let rounding = ROUNDING * self.mean;
         let error = (own_error * own_error + self.error * self.error + rounding * rounding).sqrt();
         let z = normal_score((mean - self.mean) / error, f64::from(ITERATIONS - 1));
         let found = format!("expected {:.4e}, found {mean:.4e} +- {own_error:.1e} (z = {z:.1})", self.mean);
         let is_right = z.abs() < sidak_threshold(SIGNIFICANCE, TESTS);
-        Ok(if is_right { Verdict::Right(found) } else { Verdict::Wrong(found) })
+        if is_right { Verdict::Right(found) } else { Verdict::Wrong(found) }
     }
 }

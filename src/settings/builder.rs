@@ -42,7 +42,8 @@ impl SettingsBuilder {
         SettingsBuilder { render: RenderTable { device: None, strict: None, ..render.clone() }, ..self }
     }
 
-    /// The estimator. The default is `bdpt`, which finds all light of any scene.
+    /// The estimator. The default is `bdpt`, which finds all light of any scene. `pt` finds no light of beams, see
+    /// [`Settings::missed_lights`].
     pub fn estimator(mut self, estimator: Estimator) -> SettingsBuilder {
         self.render.estimator = Some(estimator);
         self
@@ -70,7 +71,8 @@ impl SettingsBuilder {
         SettingsBuilder { crop: crop.into(), ..self }
     }
 
-    /// The number of samples per pixel (64 by default), or the time, after which the render stops.
+    /// The number of samples per pixel (64 by default), or the time, after which a render stops. A program passes
+    /// [`Settings::budget`] to [`crate::Renderer::render`]. [`crate::Renderer::iterate`] does not read it.
     pub fn budget(mut self, budget: Budget) -> SettingsBuilder {
         (self.render.spp, self.render.time) = match budget {
             Budget::Spp(spp) => (Some(spp), None),

@@ -1,5 +1,7 @@
 //! Modulation frequencies of a continuous-wave sensor.
 
+#![warn(missing_docs)]
+
 use std::fmt;
 use std::str::FromStr;
 
@@ -15,7 +17,8 @@ use crate::settings::units::{METRES_PER_NS, number};
 pub struct Frequencies(Vec<f64>);
 
 impl Frequencies {
-    /// Fails unless there are one or two different frequencies from 0.001 to 1,000,000 MHz.
+    /// Frequencies in MHz. Fails with [`Error::Settings`] unless there are one or two different ones, each from 0.001 to 1,000,000
+    /// MHz.
     pub fn new(megahertz: Vec<f64>) -> Result<Frequencies> {
         let are_possible = megahertz.iter().all(|f| (1e-3..=1e6).contains(f));
         match megahertz[..] {
@@ -34,17 +37,18 @@ impl Frequencies {
         &self.0
     }
 
-    /// Optical path in metres in which the phase makes a full turn.
+    /// Optical path in metres in which the phase of a wave of this frequency, in MHz, makes a full turn: about 15 m for 20 MHz.
     pub fn period(megahertz: f64) -> f64 {
         METRES_PER_NS * 1e3 / megahertz
     }
 
-    /// The frequency as part of the name of a layer, without a dot.
+    /// The frequency in MHz as part of the name of a layer, without a dot: `cw12_5MHz` for 12.5.
     pub fn name(megahertz: f64) -> String {
         format!("cw{}MHz", number(megahertz).replace('.', "_"))
     }
 }
 
+/// Parses numbers of MHz with a comma between them; `MHz` may follow.
 impl FromStr for Frequencies {
     type Err = Error;
 

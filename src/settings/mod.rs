@@ -10,7 +10,6 @@ mod choices;
 pub mod exposure;
 #[allow(missing_docs)]
 pub mod frames;
-#[allow(missing_docs)]
 pub mod frequencies;
 pub mod gates;
 #[allow(missing_docs)]
@@ -34,7 +33,6 @@ pub mod setting;
 pub mod shard;
 #[allow(missing_docs)]
 pub mod sky;
-#[allow(missing_docs)]
 pub mod table;
 #[allow(missing_docs)]
 pub mod tev;
@@ -48,6 +46,7 @@ pub use self::response::{Edge, Response};
 pub use self::responses::Responses;
 use crate::error::{Error, Result};
 pub use crate::estimators::Estimator;
+use crate::scene::{Light, Scene};
 use crate::settings::table::{CameraTable, EmitterTable, RenderTable, Tables};
 use crate::wgsl::layout::constants::MAX_SUBTREES;
 
@@ -149,7 +148,7 @@ impl Settings {
         Crop { x0: 0, y0: 0, x1, y1 }
     }
 
-    /// The number of samples per pixel, or the time, after which the render stops.
+    /// The number of samples per pixel, or the time, after which a render stops; see [`crate::Renderer::render`].
     pub fn budget(&self) -> Budget {
         let RenderTable { spp, time, .. } = self.chosen.render;
         time.map_or(Budget::Spp(spp.unwrap_or(DEFAULT_SPP)), |time| Budget::Seconds(time.0))
@@ -163,6 +162,13 @@ impl Settings {
     /// The emitters of the scene that are switched on.
     pub fn emitters(&self) -> &Emitters {
         &self.chosen.emitters
+    }
+
+    /// The lights of `scene` that are switched on, but whose light the estimator cannot find: beams, with the estimator `pt`. The
+    /// image lacks their light.
+    pub fn missed_lights<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = &'a Light> {
+        let lights = scene.lights.iter().filter(move |light| self.emitters().include(&light.node));
+        lights.filter(move |light| self.estimator().misses(&light.kind))
     }
 
     /// The settings of `[render]` that the image depends on, with defaults filled in. Settings that the estimator does not use

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use serde::{Deserialize, Serialize};
-
 use crate::error::{Error, Result};
 use crate::settings::units::Gate;
+
+/// Maximum length of a gate with its edges, in periods of a pulsed laser. Each arrival takes one step per period of the gate.
+pub(super) const MAX_PERIODS: f64 = 1000.0;
 
 /// Standard deviations at which a Gaussian edge is cut off.
 const GAUSS_CUT: f64 = 4.0;
@@ -19,7 +20,7 @@ fn gaussian_before(x: f64) -> f64 {
 }
 
 /// How the weight rises and falls at the ends of a gate. Where two gates with the same edges abut, their weights add up to 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Edge {
     /// From 0 to 1 at once.
     Sharp,
@@ -54,13 +55,13 @@ impl Edge {
 
 /// A measured response: travel times in metres, in ascending order, and weights, which are linear between them. Before the first
 /// and after the last time the weight is 0.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 struct Table {
     rows: Vec<[f64; 2]>,
     file: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 enum Weight {
     Gate {
         gate: Gate,
@@ -76,7 +77,7 @@ enum Weight {
 
 /// A response of the sensor: a name, and a weight for every travel time. The image of a response is the light of each travel time
 /// times its weight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Response {
     name: String,
     weight: Weight,
@@ -86,7 +87,8 @@ pub struct Response {
 }
 
 impl Response {
-    /// Weight 1 inside `gate` and 0 outside. `edge` shapes the weight near the ends.
+    /// Weight 1 inside `gate` and 0 outside. `edge` shapes the weight near the ends. [`Responses::new`](super::Responses::new) and
+    /// [`SettingsBuilder::build`](super::SettingsBuilder::build) check name, gate and edge.
     pub fn new(name: impl Into<String>, gate: Gate, edge: Edge) -> Response {
         Response { name: name.into(), weight: Weight::Gate { gate, edge }, period: None }
     }
@@ -122,7 +124,8 @@ impl Response {
     }
 
     /// The response to a pulsed laser with this period, in metres of optical path, > 0. Light of an earlier or a later pulse falls
-    /// into the same gate, so the weights of all travel times tau + k `period` count: range folding.
+    /// into the same gate, so the weights of all travel times tau + k `period` count: range folding. The gate with its edges may be at
+    /// most 1000 periods long.
     pub fn repeated(self, period: f64) -> Response {
         Response { period: Some(period), ..self }
     }
@@ -196,11 +199,13 @@ impl Response {
         self.edge() == Some(Edge::Sharp) && self.period.is_none()
     }
 
-    /// The weight of light with travel time `tau` in metres, at least 0.
+    /// The weight of light with travel time `tau` in metres, at least 0. It has no meaning if a render refuses the response.
     pub fn weight(&self, tau: f64) -> f64 {
         let Some(period) = self.period else { return self.weight_of_pulse(tau) };
         let Gate { lo, hi } = self.support_of_pulse();
         let pulses = ((lo - tau) / period).ceil() as i64..=((hi - tau) / period).floor() as i64;
+        // A period near 0 would give nearly endless pulses.
+        let pulses = pulses.take(MAX_PERIODS as usize + 1);
         pulses.map(|k| self.weight_of_pulse(tau + k as f64 * period)).sum()
     }
 
@@ -345,5 +350,15 @@ mod tests {
         let long = Response::new("a", Gate { lo: 1.0, hi: 8.0 }, Edge::Sharp).repeated(5.0);
         assert_eq!([0.5, 1.5, 2.9, 3.5].map(|tau| long.weight(tau)), [1.0, 2.0, 2.0, 1.0]);
         assert!(!long.is_box());
+    }
+
+    /// No render accepts these periods, but the weight is public.
+    #[test]
+    fn a_weight_takes_little_time_with_any_period() {
+        for period in [0.0, -0.0, 1e-300, -1.0, f64::NAN, f64::INFINITY] {
+            for tau in [0.0, 2.5, 1e30] {
+                Response::new("a", GATE, Edge::Sharp).repeated(period).weight(tau);
+            }
+        }
     }
 }

@@ -2,25 +2,21 @@
 
 use std::collections::HashSet;
 
-use serde::{Deserialize, Serialize};
-
 use crate::error::{Error, Result};
+use crate::settings::aov::Aov;
 use crate::settings::frequencies::Frequencies;
 use crate::settings::gates::{Gates, MAX_GATES};
 use crate::settings::optical_path::OpticalPath;
-use crate::settings::response::{Edge, Response};
-use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
+use crate::settings::response::{Edge, MAX_PERIODS, Response};
+use crate::settings::response_specs::{ResponseSpec, ResponseSpecs, check_name};
 use crate::settings::table::GateTable;
-use crate::settings::units::{Gate, number};
+use crate::settings::units::{Gate, MAX_TRAVEL_TIME, number};
 
-/// Names of channels that image files have beside the responses.
-const RESERVED_NAMES: [&str; 6] = ["Variance", "depth", "normal", "albedo", "object", "arrival"];
-
-/// Maximum length of a gate with its edges, in periods of a pulsed laser. Each arrival takes one step per period of the gate.
-const MAX_PERIODS: f64 = 1000.0;
+/// Name of the channels of the variance in image files.
+const VARIANCE: &str = "Variance";
 
 /// The responses that a render measures, at least one. A plain gate is a list of one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Responses {
     list: Vec<Response>,
     /// The gates that the list was made from, if they all have the same width and abut.
@@ -30,13 +26,16 @@ pub struct Responses {
 }
 
 impl Responses {
-    /// A list of responses. Fails if there is none, if there are more than [`MAX_GATES`], if two have one name, or if a name is that of
-    /// other channels in image files: Variance, depth, normal, albedo, object, arrival.
+    /// A list of responses. Fails if there is none, if there are more than 4096, if two have one name, or if a name is that of other
+    /// channels in image files: Variance, depth, normal, albedo, object, arrival. Also fails if a name is empty or contains a dot, an
+    /// equals sign or a slash, if a gate is invalid ([`Gate::new`]), if the length of an edge is not above 0 and at most 1e30 m, or if a
+    /// gate is longer than 1000 periods of a pulsed laser.
     pub fn new(list: Vec<Response>) -> Result<Responses> {
         if list.is_empty() || list.len() > MAX_GATES as usize {
             return Err(Error::Settings(format!("{} responses are not possible: give 1 to {MAX_GATES}", list.len())));
         }
-        if let Some(response) = list.iter().find(|response| RESERVED_NAMES.contains(&response.name())) {
+        let is_reserved = |name: &str| name == VARIANCE || Aov::ALL.names().any(|layer| layer == name);
+        if let Some(response) = list.iter().find(|response| is_reserved(response.name())) {
             return Err(Error::Settings(format!(
                 "a response cannot be called '{0}', because image files have other channels of this name; write like my-{0}=...",
                 response.name()
@@ -49,7 +48,9 @@ impl Responses {
                 twice.name()
             )));
         }
-        Ok(Responses { list, uniform: None, frequencies: None })
+        let responses = Responses { list, uniform: None, frequencies: None };
+        responses.check()?;
+        Ok(responses)
     }
 
     /// One response per gate, with these edges.
@@ -135,9 +136,18 @@ impl Responses {
         gates.max_by(|a, b| (a.hi - a.lo).total_cmp(&(b.hi - b.lo))).expect("there is a response")
     }
 
-    /// Fails if a gate is invalid, with the message of [`Gate::new`], or if a gate is longer than [`MAX_PERIODS`] periods.
+    /// Fails if a name, an edge, a period or a gate is invalid; see [`Responses::new`].
     pub(crate) fn check(&self) -> Result<()> {
         for response in self.iter() {
+            check_name(response.name())?;
+            if let Some(Edge::Ramp(length) | Edge::Gauss(length)) = response.edge()
+                && !(length > 0.0 && length <= MAX_TRAVEL_TIME)
+            {
+                return Err(Error::Settings(format!(
+                    "the response '{}' has edges of {length} m; give a length above 0, at most {MAX_TRAVEL_TIME:e} m",
+                    response.name()
+                )));
+            }
             let Some(period) = response.period() else { continue };
             let Gate { lo, hi } = response.support_of_pulse();
             // Also refuses a period that is not a number.

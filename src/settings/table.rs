@@ -2,6 +2,8 @@
 //!
 //! Experiment files, the command line, merging, checks of limits, and notes about settings without effect use these tables.
 
+#![warn(missing_docs)]
+
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -360,14 +362,14 @@ table! {
 }
 
 impl InputTable {
-    /// The folders of `allow-path`.
+    /// The folders of `allow-path`; empty if the user gave none.
     pub fn allowed(&self) -> Vec<PathBuf> {
         self.allow_path.clone().map_or(vec![], |folders| folders.0)
     }
 }
 
 impl RenderTable {
-    /// Fails if a value is outside its limits.
+    /// Fails with [`crate::Error::Settings`] if a value is outside its limits. The message names the flag and the limits.
     pub fn check(&self) -> Result<()> {
         struct Check(Result<()>);
         impl Visitor for Check {
@@ -399,9 +401,13 @@ impl RenderTable {
 /// The tables of an experiment on which an image depends.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tables {
+    /// `[camera]`
     pub camera: CameraTable,
+    /// `[emitter]`
     pub emitter: EmitterTable,
+    /// `[gate]`
     pub gate: GateTable,
+    /// `[render]`
     pub render: RenderTable,
 }
 

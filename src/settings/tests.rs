@@ -1,4 +1,7 @@
+use glam::DVec3;
+
 use super::*;
+use crate::scene::LightKind;
 use crate::settings::units::Gate;
 
 #[test]
@@ -31,6 +34,22 @@ fn settings_are_equal_that_render_the_same() {
 }
 
 #[test]
+fn a_light_is_missed_if_it_is_switched_on_and_the_estimator_cannot_find_it() {
+    let mut scene = Scene::default();
+    let (point, beam) = (LightKind::Point { intensity: [1.0; 3] }, LightKind::Beam { power: [1.0; 3], radius: 0.0 });
+    for (name, kind) in [("lamp", point), ("laser", beam)] {
+        scene.add_light(name, DVec3::ZERO, DVec3::X, kind);
+    }
+    let missed = |estimator, emitters| {
+        let settings = Settings::builder().estimator(estimator).emitters(emitters).build().unwrap();
+        settings.missed_lights(&scene).map(|light| light.node.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(missed(Estimator::Pt, Emitters::Scene), ["laser"]);
+    assert_eq!(missed(Estimator::Pt, Emitters::Nodes(vec!["lamp".into()])), Vec::<String>::new());
+    assert_eq!(missed(Estimator::Lcs, Emitters::Scene), Vec::<String>::new());
+}
+
+#[test]
 fn settings_outside_their_limits_are_not_built() {
     let builder = Settings::builder;
     let crop = Crop { x0: 0, y0: 0, x1: 513, y1: 512 };
@@ -47,6 +66,23 @@ fn settings_outside_their_limits_are_not_built() {
         (builder().gate(Gate { lo: f64::NAN, hi: 1.0 }), "NaN"),
     ] {
         let message = wrong.build().unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    }
+    let gate = Gate { lo: 1.0, hi: 2.0 };
+    let one = |name: &str, edge| Responses::new(vec![Response::new(name, gate, edge)]);
+    for (wrong, part) in [
+        (one("a", Edge::Ramp(-0.4)), "'a' has edges of -0.4 m"),
+        (one("a", Edge::Ramp(0.0)), "above 0"),
+        (one("a", Edge::Gauss(f64::INFINITY)), "edges of inf m"),
+        (one("a", Edge::Gauss(f64::NAN)), "edges of NaN m"),
+        (one("a.b", Edge::Sharp), "'a.b' is not a name for a response"),
+        (one("", Edge::Sharp), "must not be empty"),
+        (Ok(Responses::uniform_with("1m..2m/2".parse().unwrap(), Edge::Ramp(-1.0))), "'bin0' has edges of -1 m"),
+        (Ok(Responses::from(gate).repeated(1e-9)), "too short for the gate"),
+        (Ok(Responses::from(gate).repeated(f64::NAN)), "too short for the gate"),
+        (Ok(Gate { lo: -5.0, hi: -1.0 }.into()), "where no light arrives"),
+    ] {
+        let message = wrong.and_then(|responses| builder().responses(responses).build()).unwrap_err().to_string();
         assert!(message.contains(part), "{message}");
     }
     // A scan has one row of pixels, which may be longer.

@@ -20,7 +20,7 @@ pub struct Gate {
 pub const METRES_PER_NS: f64 = 0.299_792_458;
 
 /// Maximum travel time in metres at which a gate may begin or end (except infinity). f32 represents somewhat larger numbers.
-const MAX_TRAVEL_TIME: f64 = 1e30;
+pub(super) const MAX_TRAVEL_TIME: f64 = 1e30;
 
 /// The program refuses a gate with a width of fewer f32 steps, unless the user gives `--force`. Its brightness may be wrong by more
 /// than 6 %.

@@ -17,12 +17,15 @@ fn every_check_is_ok_on_this_device() {
     let output = taugate(&["devices", "--check"]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(0), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    for what in ["lcs, adaptive, the sphere in a thin gate", "bdpt, uniform, the sphere in three gates at once"] {
+        assert!(text.contains(&format!("ok     {what}")), "no check '{what}' in:\n{text}");
+    }
     assert!(!text.contains("FAILED") && text.trim_end().lines().last().unwrap().starts_with("all "), "{text}");
     for estimator in Estimator::ALL {
         for sampling in Sampling::ALL {
             // The sphere has too many triangles for `epc`.
             let sphere = if estimator == Estimator::Epc { "the zoo" } else { "the sphere" };
-            for what in ["a lamp seen directly", sphere, "the zoo lit by a lamp", "bits"] {
+            for what in ["a lamp seen directly", sphere, "the zoo lit by a lamp", "a lamp in fog", "bits"] {
                 let name = format!("ok     {estimator}, {sampling}, {what}");
                 assert!(text.lines().any(|line| line.starts_with(&name)), "no line '{name}' in:\n{text}");
             }

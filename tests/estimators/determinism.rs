@@ -145,6 +145,10 @@ fn a_longer_render_begins_with_the_bits_of_a_shorter_one() {
         let film = |budget: Budget, iterations: u32| {
             let settings = settings(estimator, SIZE).gate(GATE).budget(budget).sampling(sampling).build().unwrap();
             let mut renderer = renderer(&scene, &settings);
+            if budget == Budget::Spp(24) {
+                renderer.render(budget).unwrap_or_else(|e| panic!("{e}"));
+                assert_eq!(renderer.film().iterations(), iterations);
+            }
             while renderer.film().iterations() < iterations {
                 let film = renderer.film();
                 let samples = next_samples(&budget, film.iterations(), film.samples(), Duration::from_secs(1));

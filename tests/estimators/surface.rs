@@ -65,7 +65,7 @@ fn varied(texels: Image) -> Scene {
 fn with_normal_map(mut scene: Scene, map: Image) -> Scene {
     let texture = scene.add_texture(map);
     change(&mut scene, |material| Material { normal_texture: Some(texture), ..material });
-    scene.meshes.iter_mut().for_each(|mesh| mesh.add_tangents());
+    scene.meshes.iter_mut().for_each(|mesh| mesh.add_tangents().unwrap());
     scene
 }
 
@@ -270,7 +270,7 @@ fn leaning(eye: DVec3, material: Material) -> Scene {
     let lamp = scene.add_material(emitter("lamp", [1.0; 3]));
     add(&mut scene, "plane", white, quad(DVec3::new(-1.0, -1.0, 0.0), DVec3::X * 2.0, DVec3::Y * 2.0, [1.0, 1.0]));
     add(&mut scene, "box", lamp, inside_out(cuboid(DVec3::splat(-3.0), DVec3::splat(3.0))));
-    scene.meshes[0].add_tangents();
+    scene.meshes[0].add_tangents().unwrap();
     camera(&mut scene, eye, DVec3::ZERO, 0.2, [8, 8]);
     scene
 }

@@ -50,7 +50,7 @@ fn scene(texel: impl Fn(&mut Pcg) -> [u8; 4], scale: f32, side: f32) -> Scene {
         let mut mesh = Mesh { name: "rock".into(), material: rock, ..shape };
         mesh.colors = mesh.positions.iter().map(|_| [0; 4].map(|_| pcg.uniform() as f32)).collect();
         mesh.normals.iter_mut().flatten().for_each(|x| *x *= side);
-        mesh.add_tangents();
+        mesh.add_tangents().unwrap();
         let mesh = scene.add_mesh(mesh);
         for i in 0..4 {
             let stretch = DMat3::from_diagonal(DVec3::new(1.0, if i < 2 { 1.0 } else { -0.7 }, 1.3));

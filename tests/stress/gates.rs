@@ -5,8 +5,8 @@ use taugate::internals::generate::shapes::{cuboid, quad};
 use taugate::internals::generate::stage::{add, camera, emitter, glass, material};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::Scene;
-use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Responses};
 
 use super::cells::{renderer, settings};
 use super::wall::{ALBEDO, wall};
@@ -78,13 +78,23 @@ fn a_gate_before_or_after_all_light_is_black() {
     for estimator in Estimator::ALL {
         let s = settings(estimator, [8, 8]).max_depth(4).light_paths(200).build().unwrap();
         let mut renderer = renderer(&scene, &s);
-        for (lo, hi) in [(0.0, 1e-30), (0.0, 2.0), (1.9, 2.0), (1e3, f64::INFINITY), (1e3, 2e3), (1e30, 2e30)] {
+        for (lo, hi) in [(0.0, 1e-30), (0.0, 2.0), (1.9, 2.0), (1e3, f64::INFINITY), (1e3, 2e3), (5e29, 1e30)] {
             assert_eq!(sum(&image(&mut renderer, 1, Gate { lo, hi }, 1, 4)), 0.0, "{estimator:?}: [{lo}, {hi})");
         }
         assert!(sum(&image(&mut renderer, 1, Gate::OPEN, 1, 4)) > 0.0);
-        for (lo, hi) in [(2.0, 1.0), (1.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN), (f64::NEG_INFINITY, 1.0)] {
+        for (lo, hi) in [
+            (2.0, 1.0),
+            (1.0, 1.0),
+            (f64::NAN, 1.0),
+            (1.0, f64::NAN),
+            (f64::NEG_INFINITY, 1.0),
+            (-5.0, -1.0),
+            (1e30, 2e30),
+        ] {
             assert!(renderer.restart(1, Gate { lo, hi }).is_err(), "[{lo}, {hi})");
         }
+        let too_often = renderer.restart(1, Responses::from(Gate { lo: 1.0, hi: 2.0 }).repeated(1e-9)).unwrap_err();
+        assert!(too_often.to_string().contains("too short for the gate"), "{too_often}");
         assert!(renderer.film().samples() > 0, "a gate that is refused changes nothing");
         assert_eq!(renderer.stats().dropped, 0);
     }

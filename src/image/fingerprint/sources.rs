@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use super::hash::Hash;
 
 /// Folders whose code determines an image, for given settings and scene bytes.
-pub const DECIDE: [&str; 10] = [
+pub const DECIDE: [&str; 11] = [
     "shaders",
     "src/bvh",
     "src/estimators",
     "src/gpu",
     "src/image",
+    "src/input",
     "src/lightcone",
     "src/render",
     "src/scene",

@@ -111,8 +111,7 @@ fn name_distant_apart(scene: &mut Scene) {
     // Suns first, so that the sky gets another name than they have. Suns of one name keep one name.
     for is_sky in [false, true] {
         let mut taken = names.clone();
-        let is_next =
-            |light: &&mut Light| light.kind.is_distant() && matches!(light.kind, LightKind::Sky { .. }) == is_sky;
+        let is_next = |light: &&mut Light| light.kind.is_distant() && light.kind.is_sky() == is_sky;
         for light in scene.lights.iter_mut().filter(is_next) {
             let own = light.node.clone();
             let mut number = 1;

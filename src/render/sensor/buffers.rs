@@ -111,24 +111,26 @@ impl Buffers {
         ]
     }
 
-    /// Records the copy of the film to the host, for [`Buffers::add_film`].
+    /// Records the copy of the film to the host, for [`Buffers::film_tallies`] and [`Buffers::add_film`].
     pub fn read_film(&self, recorder: &mut Recorder) -> Result<()> {
         recorder.read_back(&self.film, self.film.buffer().size())?;
         recorder.read_back(&self.film_tallies, self.film_tallies.buffer().size())
     }
 
-    /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image. Returns the film's tallies,
-    /// summed over the pixels: dropped contributions, shadow rays, contributions inside the gate, candidates.
-    pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<[u64; 4]> {
-        let pixels = image.len() / 3;
-        self.film.with::<[f32; 4], _>(pixels, |film| {
+    /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image.
+    pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<()> {
+        self.film.with::<[f32; 4], _>(image.len() / 3, |film| {
             for (to, from) in image.chunks_exact_mut(3).zip(film) {
                 for k in 0..3 {
                     to[k] += from[k];
                 }
             }
             visit(film, image);
-        })?;
+        })
+    }
+
+    /// The film's tallies, summed over its `pixels`: dropped contributions, shadow rays, contributions inside the gate, candidates.
+    pub fn film_tallies(&self, pixels: usize) -> Result<[u64; 4]> {
         self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
             let add = |mut sum: [u64; 4], t: &[u32; 4]| {
                 for k in 0..4 {

@@ -206,7 +206,7 @@ impl Meshes {
         } else if !has_tangents {
             mesh.tangents = Vec::new();
             if self.can_have_tangents(&mesh) {
-                mesh.add_tangents();
+                mesh.compute_tangents();
             } else {
                 mesh.material = materials.without_normal_map(mesh.material);
                 self.crowded.push(mesh.name.clone());

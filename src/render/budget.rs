@@ -1,0 +1,35 @@
+//! Renders until a budget is used.
+
+use std::time::{Duration, Instant};
+
+use super::Renderer;
+use super::schedule::next_samples;
+use crate::error::Result;
+use crate::settings::Budget;
+
+#[warn(missing_docs)]
+impl Renderer {
+    /// Renders iterations until the film has the samples per pixel of `budget`, or until its seconds have passed since this call. The
+    /// number of samples in each iteration is that of `taugate render`, so equal scenes and settings give equal bits. A budget of
+    /// seconds ends after the iteration whose end is nearest to it. But it has at least two iterations, unless one takes all its time.
+    ///
+    /// Fails as [`Renderer::iterate`] does. The film then has the iterations before the error.
+    pub fn render(&mut self, budget: Budget) -> Result<()> {
+        let started = Instant::now();
+        loop {
+            match self.next_samples(&budget, started.elapsed()) {
+                0 => return Ok(()),
+                samples => self.iterate(samples)?,
+            }
+        }
+    }
+
+    /// Samples per pixel in the next iteration, after `elapsed` time of rendering; 0 when the budget is used.
+    #[doc(hidden)]
+    pub fn next_samples(&self, budget: &Budget, elapsed: Duration) -> u32 {
+        let film = self.film();
+        // If the image is certain to be black, two iterations are enough: they give a variance.
+        let is_enough = self.is_dark() && matches!(budget, Budget::Seconds(_)) && film.iterations() >= 2;
+        if is_enough { 0 } else { next_samples(budget, film.iterations(), film.samples(), elapsed) }
+    }
+}
