@@ -1,9 +1,12 @@
 """Renders, and their progress."""
 
-import collections
+from __future__ import annotations
+
 import logging
+import os
 import sys
 import warnings
+from typing import Any, Callable, NamedTuple, Optional, Union
 
 from ._errors import Interrupted, SettingsError, early_end
 from ._image import Histogram, Image
@@ -11,11 +14,22 @@ from ._scene import Scene, load
 
 LOG = logging.getLogger("taugate")
 
-#: What a progress callback gets: the share of the budget that is used (0 to 1), samples per pixel, and seconds.
-Progress = collections.namedtuple("Progress", ["fraction", "samples", "seconds"])
+
+class Progress(NamedTuple):
+    """What a progress callback gets: the share of the budget that is used (0 to 1), samples per pixel, and seconds."""
+
+    fraction: float
+    samples: int
+    seconds: float
 
 
-def render(scene, *, progress=None, **settings):
+#: A scene, or the name of its file.
+AnyScene = Union[Scene, str, os.PathLike]
+#: A function that is told of the progress, or whether there is a progress bar.
+Watcher = Union[bool, Callable[[Progress], Any]]
+
+
+def render(scene: AnyScene, *, progress: Optional[Watcher] = None, **settings: Any) -> Image:
     """Renders the image of one gate, or of all light, and returns an :class:`Image`.
 
     ``scene`` is a :class:`Scene`, or the name of a file. Keyword arguments are settings with the names of the flags of the program, with
@@ -29,7 +43,7 @@ def render(scene, *, progress=None, **settings):
     return _run("render", Image, True, scene, progress, settings)
 
 
-def histogram(scene, *, progress=None, **settings):
+def histogram(scene: AnyScene, *, progress: Optional[Watcher] = None, **settings: Any) -> Histogram:
     """Renders the images of many gates from the same light paths, and returns a :class:`Histogram`. Arguments as for :func:`render`.
 
     ``gates="A..B/N"`` or ``(A, B, N)`` in metres divides a range into N gates; ``response`` and ``cw`` define other responses.

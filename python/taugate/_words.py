@@ -1,5 +1,7 @@
 """Keyword arguments as words of the command line."""
 
+from __future__ import annotations
+
 import difflib
 import numbers
 import os
@@ -85,6 +87,6 @@ def _number(value):
     return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
 
 
-def settings():
+def settings() -> dict[str, str]:
     """All settings of a render: a dictionary from keyword to help text. The same names with dashes are the flags of the program."""
     return {keyword: " ".join(about[3].split()) for keyword, about in FLAGS.items()}

@@ -1,5 +1,7 @@
 """What workers of a farm run (``farm.py``), and the files of data sets."""
 
+from __future__ import annotations
+
 import contextlib
 import functools
 import os
@@ -17,6 +19,7 @@ from . import _native
 from ._errors import FileError, SceneError, SettingsError
 from ._image import Image
 from ._render import all_warnings
+from ._scene import Scene
 
 #: Exceptions that a repetition would raise again.
 LASTING = (SettingsError, SceneError, TypeError)
@@ -29,7 +32,7 @@ PARTIAL = ".taugate-partial"
 #: Number of scenes that a worker keeps, and that a client keeps on its workers.
 KEPT = 4
 
-_scenes = {}
+_scenes: dict[str, Scene] = {}
 _lock = threading.Lock()
 
 

@@ -8,6 +8,8 @@ returns sums. The sums of all parts add up to the image that one machine would r
 its machine.
 """
 
+from __future__ import annotations
+
 import copy
 import hashlib
 import numbers
@@ -17,16 +19,21 @@ import time as clock
 import uuid
 import warnings
 import weakref
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
 from . import _native
 from ._errors import Error, Interrupted, SettingsError
 from ._image import Histogram, Image
-from ._render import Progress, all_warnings, watcher
+from ._render import AnyScene, Progress, Watcher, all_warnings, watcher
 from ._scene import Scene, load
 from ._words import word
 from ._worker import ENDINGS, KEPT, LASTING, accumulate, checked, refuse_black, remove_abandoned, render_whole, write
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 #: Samples per pixel of the first parts, which show how long a sample takes.
 FIRST_SAMPLES = 4
@@ -41,21 +48,21 @@ BLACK_PARTS = 16
 #: Seconds between two looks for finished parts.
 PATIENCE = 0.02
 
-_on_workers = weakref.WeakKeyDictionary()
+_on_workers: weakref.WeakKeyDictionary[Any, dict[str, Any]] = weakref.WeakKeyDictionary()
 
 
 def render(
-    scene,
+    scene: AnyScene,
     *,
-    client,
-    spp=None,
-    time=None,
-    error=None,
-    part_seconds=10.0,
-    on_update=None,
-    progress=None,
-    **settings,
-):
+    client: Client,
+    spp: Optional[int] = None,
+    time: Optional[Union[float, str]] = None,
+    error: Optional[Union[float, str]] = None,
+    part_seconds: float = 10.0,
+    on_update: Optional[Callable[[Union[Image, Histogram]], Any]] = None,
+    progress: Optional[Watcher] = None,
+    **settings: Any,
+) -> Union[Image, Histogram]:
     """Renders on the workers of ``client``, a ``dask.distributed.Client``. Returns an :class:`Image`, or a :class:`Histogram` if there are
     several gates.
 
@@ -124,7 +131,9 @@ def _share(error):
     return share
 
 
-def dataset(jobs, *, client, folder, suffix=".npy"):
+def dataset(
+    jobs: Iterable[tuple[str, AnyScene, dict[str, Any]]], *, client: Client, folder: str | os.PathLike[str], suffix: str = ".npy"
+) -> Iterator[str]:
     """Renders many images, each on one worker, to files in ``folder``. Yields the path of each file as it is finished.
 
     ``jobs`` is an iterable of ``(name, scene, settings)``, which may be endless or made while the renders run; ``settings`` is a dictionary with

@@ -1,5 +1,6 @@
 """Every snippet of docs/PYTHON.md runs."""
 
+import inspect
 import re
 import warnings
 
@@ -34,3 +35,24 @@ def test_snippets_run_one_after_the_other(tmp_path, monkeypatch):
 def test_every_public_name_is_documented():
     for name in taugate.__all__:
         assert getattr(taugate, name).__doc__, name
+
+
+def public_functions():
+    """The public functions, and the methods and properties of the public classes."""
+    from taugate import farm
+
+    things = [farm.render, farm.dataset, *(getattr(taugate, name) for name in taugate.__all__)]
+    yield from filter(inspect.isfunction, things)
+    classes = {base for thing in things if inspect.isclass(thing) for base in thing.__mro__ if base.__module__.startswith("taugate")}
+    for name, member in (item for one in classes for item in vars(one).items()):
+        if name == "__init__" or not name.startswith("_"):
+            yield from filter(inspect.isfunction, (getattr(member, kind, None) for kind in ("fget", "func", "__func__")))
+            yield from filter(inspect.isfunction, [member])
+
+
+def test_every_public_function_has_types():
+    found = {function.__qualname__: inspect.signature(function) for function in public_functions()}
+    assert {"render", "Camera.look_at", "Camera.K", "Camera.__init__", "_Result.samples", "Image.pixels", "Scene.add_mesh"} <= set(found)
+    for name, signature in found.items():
+        parameters = [one for key, one in signature.parameters.items() if key not in ("self", "cls")]
+        assert inspect.Signature.empty not in [signature.return_annotation, *(one.annotation for one in parameters)], name
