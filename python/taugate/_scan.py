@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _native
 from ._errors import SettingsError, early_end
+from ._files import write, writing
 from ._render import AnyScene, Watcher, watcher
 from ._scene import Scene, load
 
@@ -53,13 +54,12 @@ class Scan:
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
         variance = path.with_suffix(".variance.npy")
-        if self.variance is None:
-            # First, so that the new array never has the old variances.
-            variance.unlink(missing_ok=True)
-        np.save(path, self.data)
-        path.with_suffix(".json").write_text(json.dumps(self.description, indent=2), encoding="utf-8")
+        # First, so that the new array never has the old variances.
+        variance.unlink(missing_ok=True)
+        write(path.with_suffix(".json"), json.dumps(self.description, indent=2).encode())
+        _save(path, self.data)
         if self.variance is not None:
-            np.save(variance, self.variance)
+            _save(variance, self.variance)
 
     @property
     def is_confocal(self) -> bool:
@@ -135,7 +135,7 @@ class Scan:
             # tal reads YAML, and JSON is valid YAML.
             "scene_info": json.dumps(info),
         }
-        with h5py.File(os.fspath(path), "w") as file:
+        with writing(path) as temporary, h5py.File(temporary, "w") as file:
             for key, value in contents.items():
                 file[key] = value
 
@@ -163,6 +163,11 @@ def scan(scene: AnyScene, *, progress: Optional[Watcher] = None, **settings: Any
     if interrupt is not None:
         raise early_end(interrupt, result)
     return result
+
+
+def _save(path, array):
+    with writing(path) as temporary, open(temporary, "xb") as file:
+        np.save(file, array)
 
 
 def _grid(points, grid):

@@ -26,11 +26,12 @@ import numpy as np
 
 from . import _native
 from ._errors import Error, Interrupted, SettingsError
+from ._files import remove_abandoned, write
 from ._image import Histogram, Image
 from ._render import AnyScene, Progress, Watcher, all_warnings, watcher
 from ._scene import Scene, load
 from ._words import word
-from ._worker import ENDINGS, KEPT, LASTING, accumulate, checked, refuse_black, remove_abandoned, render_whole, write
+from ._worker import ENDINGS, KEPT, LASTING, accumulate, checked, refuse_black, render_whole
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -245,7 +245,7 @@ def test_sums_and_grids(cluster, tmp_path, program):
 
 
 def test_a_data_set_is_continued(cluster, tmp_path):
-    from taugate import _worker, farm
+    from taugate import _files, farm
 
     scene = taugate.load(SCENES / "cornell-box.glb", **SETTINGS)
     jobs = [(f"seed{seed}", scene, dict(seed=seed, spp=2)) for seed in range(3)]
@@ -258,7 +258,7 @@ def test_a_data_set_is_continued(cluster, tmp_path):
     os.remove(made[1])
     jobs[:0] = [("broken", scene, dict(gate="1..2", spp=2)), ("missing", tmp_path / "missing.glb", {})]
     jobs += [("cw", scene, dict(cw="20", spp=2))]
-    abandoned = tmp_path / f".seed9.npy-x{_worker.PARTIAL}"
+    abandoned = tmp_path / f".seed9.npy-x{_files.PARTIAL}"
     abandoned.write_text("half")
     os.utime(abandoned, (0, 0))
     made = []
