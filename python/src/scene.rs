@@ -27,7 +27,7 @@ use taugate::internals::settings::table::InputTable;
 use crate::arrays::{Mesh, Objects, transform};
 use crate::camera::View;
 use crate::engine::{self, Prepared, lock};
-use crate::errors::{Failure, Result, settings};
+use crate::errors::{Failure, Result, settings, shown};
 use crate::flags::{self, Words};
 use crate::image::Image;
 use crate::shared::ready::Ready;
@@ -150,8 +150,8 @@ impl NativeScene {
         dict.set_item("diagonal", scene.diagonal())?;
         dict.set_item("media", scene.media.len())?;
         dict.set_item("resolution", job.resolved.settings.resolution())?;
-        dict.set_item("notes", &job.notes)?;
-        dict.set_item("warnings", [&scene.warnings[..], &job.resolved.warnings].concat())?;
+        dict.set_item("notes", shown(&job.notes))?;
+        dict.set_item("warnings", shown(&[&scene.warnings[..], &job.resolved.warnings].concat()))?;
         if let Some((percentiles, gate)) = times {
             dict.set_item("arrival", percentiles.map(|all| all.to_vec()))?;
             dict.set_item("suggested_gate", gate)?;

@@ -150,6 +150,16 @@ def test_mistakes_of_python_are_explained(box):
         taugate.load("x.obj")
 
 
+def test_messages_do_not_command_the_terminal(box, tmp_path):
+    """Names of files, and keys in them, may hold characters that a terminal obeys."""
+    path = tmp_path / "a\x1b[2Jb.toml"
+    path.write_text('"key\\u001b[31m" = 1', encoding="utf-8")
+    for call in (lambda: taugate.load(path), lambda: taugate.load(tmp_path / "\x1b[2J.glb"), lambda: taugate.render(box, camera="\x9b2J")):
+        with pytest.raises(taugate.Error) as error:
+            call()
+        assert "\x1b" not in str(error.value) and "\x9b" not in str(error.value) and "\\u00" in str(error.value), error.value
+
+
 def test_no_driver_is_one_exception_that_names_the_remedy(tmp_path):
     code = "import taugate, sys; s = taugate.load(sys.argv[1]); s.info(); print('imported'); taugate.render(s, spp=1)"
     environment = {**os.environ, "VK_DRIVER_FILES": "/nowhere", "VK_ICD_FILENAMES": "/nowhere"}
