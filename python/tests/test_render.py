@@ -16,6 +16,7 @@ import pytest
 
 import taugate
 from conftest import SCENES, SIZE
+from taugate import _render
 
 BOX = SCENES / "cornell-box.glb"
 
@@ -182,6 +183,24 @@ def test_progress_is_reported_and_an_exception_in_it_ends_the_render(box):
         taugate.render(box, spp=1000, progress=stop)
     # The scene still works.
     assert taugate.render(box, spp=2).samples == 2
+
+
+@pytest.mark.parametrize("has_tqdm", [True, False])
+def test_a_progress_bar_shows_samples(has_tqdm, monkeypatch, capsys):
+    if has_tqdm:
+        pytest.importorskip("tqdm")
+    else:
+        monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with _render.watcher(True) as watch:
+        watch(0.25, 4, 1.0)
+        watch(1.0, 16, 4.0)
+    shown = capsys.readouterr().err
+    assert "100" in shown and "16 samples" in shown and shown.endswith("\n"), shown
+
+
+def test_progress_is_true_or_a_function(box):
+    with pytest.raises(taugate.SettingsError, match="must be True or a function"):
+        taugate.render(box, progress=3)
 
 
 def test_a_progress_function_cannot_use_its_scene(box):
