@@ -88,7 +88,7 @@ impl Image {
             }
             "acc" if self.sums.about.scene.is_empty() => {
                 return Err(settings(
-                    "only images of taugate.farm can be saved as sums (.acc); the program writes them with taugate render -o OUT.acc",
+                    "only images of taugate.farm can be saved as sums (.acc); other renders write them with checkpoint='OUT.acc'",
                 ));
             }
             "acc" => accumulation::file::write(path, self.sums.parts())?,

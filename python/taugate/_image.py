@@ -96,7 +96,8 @@ class _Result:
 
     def save(self, path: str | os.PathLike[str], exposure: Optional[float] = None) -> None:
         """Writes the files of the program: ``.exr``, or ``.npy`` with a description ``.json`` and variances ``.variance.npy``, or a picture
-        ``.png`` with this exposure in stops (``None``: automatic). Only results of ``taugate.farm`` can be saved as sums (``.acc``).
+        ``.png`` with this exposure in stops (``None``: automatic). Only results of ``taugate.farm`` can be saved as sums (``.acc``);
+        other renders write them with ``checkpoint``.
         If there are no variances, an older ``.variance.npy`` is removed."""
         self._native.save(path, exposure)
 

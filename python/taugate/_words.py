@@ -16,7 +16,7 @@ FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags
 # A pair of numbers in these settings is a range in metres.
 RANGES = ("gate", "depth")
 # Units of numbers in these settings.
-UNITS = {"time": "s", "at": "s", "repeat": "m", "visibility": "m", "mor": "m"}
+UNITS = {"time": "s", "at": "s", "every": "s", "repeat": "m", "visibility": "m", "mor": "m"}
 
 
 class Words(list):

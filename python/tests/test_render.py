@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import taugate
-from conftest import SCENES, SIZE
+from conftest import SCENES, SIZE, room
 from taugate import _render
 
 BOX = SCENES / "cornell-box.glb"
@@ -280,6 +280,31 @@ def test_an_interrupt_keeps_the_image_of_a_response(box, tmp_path):
         taugate.render(box, response=f"a={table}", time=60, resolution=(256, 256))
     image = stopped.value.image
     assert image.samples > 0 and image.pixels.any()
+
+
+def test_a_render_goes_on_from_its_checkpoint(box, program, tmp_path):
+    path = tmp_path / "x.acc"
+    for call, settings in ((taugate.histogram, dict(gates="5m..9m/4")), (taugate.render, dict(gate="6m..7m"))):
+        path.unlink(missing_ok=True)
+        assert call(box, spp=4, checkpoint=path, every=1, **settings).samples == 4
+        more = call(box, spp=8, checkpoint=path, **settings)
+        assert any("going on after 4 samples" in note for note in more.notes)
+        assert np.array_equal(more.pixels, call(box, spp=8, **settings).pixels) and more.samples == 8
+    # The file has 8 samples, also for the program.
+    again = taugate.render(box, spp=12, resume=path, gate="6m..7m")
+    words = ["--gate", "6m..7m", "--resolution", "32x32", "--resume", "x.acc", "--spp", 12, "-o", "y.npy"]
+    code, text = program("render", BOX, *words)
+    assert code == 0 and "going on after 8 samples" in text, text
+    assert np.array_equal(again.pixels, np.load(tmp_path / "y.npy"))
+    for scene, mistake, message in (
+        (box, dict(gate="6m..8m", checkpoint=path), "are not the same render: .*6m..8m"),
+        (room(), dict(resume=path), "is in no file, so its render cannot be continued"),
+        (box, dict(every=5), "add --checkpoint"),
+        (box, dict(checkpoint="x.exr"), "must end in .acc"),
+    ):
+        with pytest.raises(taugate.SettingsError, match=message):
+            taugate.render(scene, **mistake)
+    assert [name.name for name in tmp_path.glob(".*")] == [], "a lock is left"
 
 
 @pytest.mark.parametrize("call", ["render(box, gate='5m..6m', spp=10000)", "histogram(box, gates='4m..8m/4', spp=10000)"])
