@@ -379,15 +379,6 @@ impl Renderer {
         self.responses.as_ref().is_some_and(|responses| responses.film().has_variance())
     }
 
-    /// Minimum and maximum number of samples of a pixel of the crop so far. Both equal [`Film::samples`] if the sampling is
-    /// uniform.
-    pub fn samples_in_pixels(&self) -> [u64; 2] {
-        match &self.allocation {
-            Some(allocation) if !self.plan.dark => allocation.range(),
-            _ => [self.film.samples(); 2],
-        }
-    }
-
     /// Size of the scene's device buffers in bytes.
     #[doc(hidden)]
     pub fn scene_bytes(&self) -> u64 {

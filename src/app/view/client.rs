@@ -365,7 +365,7 @@ impl Client<'_> {
             response: picture.response_shown(Layer::Mean, self.response),
             radiance: three(picture.shown(self.response)),
             error: has_error.then(|| three(&picture.variance).map(f32::sqrt)),
-            samples: picture.samples,
+            samples: picture.samples_at(at),
             depth: surface.as_ref().map(|(depth, _)| *depth),
             object: surface.map(|(_, object)| object),
             histogram: picture.histogram(at),
