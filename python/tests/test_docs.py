@@ -1,22 +1,30 @@
-"""Every snippet of docs/PYTHON.md runs."""
+"""The snippets of docs/PYTHON.md and docs/GUIDE.md run."""
 
 import inspect
 import re
+import shutil
 import warnings
 
+import numpy as np
 import pytest
 
 import taugate
 from conftest import ROOT
 
-SNIPPETS = re.findall(r"^```python([^\n]*)\n(.*?)^```", (ROOT / "docs/PYTHON.md").read_text(encoding="utf-8"), re.M | re.S)
+
+def snippets_of(document):
+    """The snippets of a document with the words after `python`."""
+    return re.findall(r"^```python([^\n]*)\n(.*?)^```", (ROOT / document).read_text(encoding="utf-8"), re.M | re.S)
 
 
-def run(snippets, names):
+SNIPPETS = snippets_of("docs/PYTHON.md")
+
+
+def run(snippets, names, document="docs/PYTHON.md"):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for text in snippets:
-            exec(compile(text, "docs/PYTHON.md", "exec"), names)
+            exec(compile(text, document, "exec"), names)
 
 
 def test_snippets_run_one_after_the_other(tmp_path, monkeypatch):
@@ -30,6 +38,27 @@ def test_snippets_run_one_after_the_other(tmp_path, monkeypatch):
     assert names["histogram"].pixels.shape == (64, 64, 60, 3) and names["image"].pixels.any()
     assert len(names["frames"]) == 3 and (tmp_path / "scan.hdf5").exists()
     assert len(SNIPPETS) >= 8
+
+
+def test_snippets_of_the_guide_run(program, tmp_path, monkeypatch):
+    # The files that the commands of the guide make, with fewer pixels and samples.
+    render = ("render", ROOT / "scenes/cornell-box.glb", "--resolution", "32x32", "--spp", 2)
+    for words in (("--gates", "5m..8m/3", "-o", "histogram.npy", "-o", "box.acc"), ("--aov", "depth,object", "-o", "layers.exr")):
+        code, text = program(*render, *words)
+        assert code == 0, text
+    shutil.copy(tmp_path / "layers.exr", tmp_path / "out.exr")
+    monkeypatch.chdir(tmp_path)
+    snippets = [text for _, text in snippets_of("docs/GUIDE.md")]
+    names = {}
+    # Blender runs the first one.
+    run([text for text in snippets if not re.search("bpy|OpenEXR", text)], names, "docs/GUIDE.md")
+    assert np.load("ball.npy").shape == (64, 64, 64) and names["histogram"].shape == (3, 3)
+    image = np.load("histogram.npy")[:, :, 0]
+    assert np.allclose(names["image"], image, rtol=1e-6) and image.any() and len(snippets) == 6
+    pytest.importorskip("OpenEXR")
+    run([text for text in snippets if "OpenEXR" in text], names, "docs/GUIDE.md")
+    assert names["image"].shape == names["variance"].shape == (32, 32, 3) and names["image"].any()
+    assert names["names"][str(names["ids"][16, 16])] and names["depth"][16, 16] > 3
 
 
 def test_every_public_name_is_documented():
