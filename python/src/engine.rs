@@ -213,47 +213,55 @@ pub fn early_end(
     }
 }
 
-/// Adds iterations until the budget is used or Python asks to stop. Returns the seconds, and the exception that ended it early if the
-/// image so far is kept.
+/// Adds iterations until the budget is used or Python asks to stop, and calls `after` with the seconds of rendering after each one.
+/// `before` are the seconds of earlier sums. Returns the seconds, and the exception that ended it early if the image so far is kept.
 pub fn iterate(
     renderer: &mut Renderer,
     settings: &Settings,
     strict: bool,
+    before: f64,
     progress: Option<&Py<PyAny>>,
+    mut after: impl FnMut(&Renderer, f64) + Send,
 ) -> Result<(f64, Option<PyErr>)> {
     let started = Instant::now();
-    let (ended, failure) = watched(progress, |steps, stop| add(renderer, settings, strict, &steps, stop, started));
+    let seconds = || before + started.elapsed().as_secs_f64();
+    let (ended, failure) = watched(progress, |steps, stop| {
+        add(renderer, settings, strict, stop, &seconds, |renderer, step| {
+            after(renderer, step.seconds);
+            // `watched` keeps the receiver until this thread ends, so this cannot fail.
+            let _ = steps.send(step);
+        })
+    });
     let end = early_end(ended, failure, renderer.device(), renderer.film().iterations() > 0)?;
-    Ok((started.elapsed().as_secs_f64(), end))
+    Ok((seconds(), end))
 }
 
 fn add(
     renderer: &mut Renderer,
     settings: &Settings,
     strict: bool,
-    steps: &Sender<Step>,
     stop: &Arc<AtomicBool>,
-    started: Instant,
+    seconds: &impl Fn() -> f64,
+    mut after: impl FnMut(&Renderer, Step),
 ) -> Result<()> {
     let budget = settings.budget();
-    // An abandoned iteration would clear the images of responses, so such a render finishes its iteration.
+    // An abandoned iteration may clear the images of responses, so such a render finishes its iteration.
     let never = Arc::default();
     loop {
-        let samples = renderer.next_samples(&budget, started.elapsed());
+        let samples = renderer.next_samples(&budget, Duration::from_secs_f64(seconds()));
         if samples == 0 || stop.load(Ordering::SeqCst) {
             return Ok(());
         }
         renderer.iterate_unless(samples, if renderer.has_responses() { &never } else { stop })?;
-        let dropped = renderer.stats().dropped;
+        let dropped = renderer.dropped();
         if strict && dropped > 0 {
             return Err(Failure::NotFinite(dropped));
         }
-        let (done, seconds) = (renderer.film().samples(), started.elapsed().as_secs_f64());
+        let (done, seconds) = (renderer.film().samples(), seconds());
         let fraction = match budget {
             Budget::Spp(spp) => done as f64 / f64::from(spp),
             Budget::Seconds(all) => seconds / all,
         };
-        // `watched` keeps the receiver until this thread ends, so this cannot fail.
-        let _ = steps.send(Step { fraction: fraction.min(1.0), samples: done, seconds });
+        after(renderer, Step { fraction: fraction.min(1.0), samples: done, seconds });
     }
 }

@@ -1,6 +1,7 @@
 //! Errors of the library as Python exceptions.
 
 use pyo3::prelude::*;
+use taugate::internals::printable::escaped;
 use taugate::{Error, ErrorKind};
 
 /// What can go wrong in a render.
@@ -39,6 +40,11 @@ impl From<Failure> for PyErr {
     }
 }
 
+/// Notes and warnings with escaped control characters: programs print these sentences, and they may name files and objects.
+pub fn shown(sentences: &[String]) -> Vec<String> {
+    sentences.iter().map(|sentence| escaped(sentence).into_owned()).collect()
+}
+
 /// A mistake in the arguments.
 pub fn settings(message: impl Into<String>) -> Failure {
     Failure::Library(Error::Settings(message.into()))
@@ -54,11 +60,11 @@ fn name(kind: ErrorKind) -> &'static str {
     }
 }
 
-/// The exception `name` of `taugate._errors`.
+/// The exception `name` of `taugate._errors`. The message may name files and keys, so control characters in it are escaped.
 fn exception(name: &str, message: String) -> PyErr {
     Python::attach(|py| {
         let class = py.import("taugate._errors").and_then(|module| module.getattr(name));
-        match class.and_then(|class| class.call1((message,))) {
+        match class.and_then(|class| class.call1((escaped(&message),))) {
             Ok(error) => PyErr::from_value(error),
             Err(error) => error,
         }

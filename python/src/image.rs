@@ -16,7 +16,7 @@ use taugate::internals::settings::{Crop, Responses};
 
 use crate::camera::View;
 use crate::engine::check_process;
-use crate::errors::{Result, settings};
+use crate::errors::{Result, settings, shown};
 use crate::sums::{bytes, read};
 
 /// A finished or interrupted render.
@@ -88,7 +88,7 @@ impl Image {
             }
             "acc" if self.sums.about.scene.is_empty() => {
                 return Err(settings(
-                    "only images of taugate.farm can be saved as sums (.acc); the program writes them with taugate render -o OUT.acc",
+                    "only images of taugate.farm can be saved as sums (.acc); other renders write them with checkpoint='OUT.acc'",
                 ));
             }
             "acc" => accumulation::file::write(path, self.sums.parts())?,
@@ -273,12 +273,12 @@ impl Image {
 
     #[getter]
     fn notes(&self) -> Vec<String> {
-        self.notes.clone()
+        shown(&self.notes)
     }
 
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
+        shown(&self.warnings)
     }
 
     /// Mean over all pixels and channels, and its standard error.

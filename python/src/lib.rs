@@ -6,6 +6,7 @@ mod engine;
 mod errors;
 mod flags;
 mod image;
+mod resume;
 mod scan;
 mod scene;
 mod shared;

@@ -15,7 +15,7 @@ use taugate::internals::scene::Scene;
 use taugate::internals::settings::{Budget, Sampling, Settings};
 
 use crate::engine::{self, Step, early_end, watched};
-use crate::errors::{Failure, Result, settings as mistake};
+use crate::errors::{Failure, Result, settings as mistake, shown};
 use crate::flags::Words;
 use crate::image::array;
 use crate::scene::{Job, NativeScene};
@@ -41,7 +41,7 @@ pub fn scan<'py>(
         let variances = variances.map(|values| array(py, values, &shape)).transpose()?;
         PyResult::Ok((array(py, means, &shape)?, description, variances))
     });
-    Ok((arrays.transpose()?, warnings, interrupt))
+    Ok((arrays.transpose()?, shown(&warnings), interrupt))
 }
 
 struct Measured {

@@ -27,11 +27,13 @@ use taugate::internals::settings::table::InputTable;
 use crate::arrays::{Mesh, Objects, transform};
 use crate::camera::View;
 use crate::engine::{self, Prepared, lock};
-use crate::errors::{Failure, Result, settings};
+use crate::errors::{Failure, Result, settings, shown};
 use crate::flags::{self, Words};
 use crate::image::Image;
+use crate::resume::SumFiles;
 use crate::shared::ready::Ready;
 use crate::shared::{feasible, memory};
+use crate::sums;
 
 /// A scene, see the class of the same name in Python.
 #[pyclass(frozen, module = "taugate._native")]
@@ -150,8 +152,8 @@ impl NativeScene {
         dict.set_item("diagonal", scene.diagonal())?;
         dict.set_item("media", scene.media.len())?;
         dict.set_item("resolution", job.resolved.settings.resolution())?;
-        dict.set_item("notes", &job.notes)?;
-        dict.set_item("warnings", [&scene.warnings[..], &job.resolved.warnings].concat())?;
+        dict.set_item("notes", shown(&job.notes))?;
+        dict.set_item("warnings", shown(&[&scene.warnings[..], &job.resolved.warnings].concat()))?;
         if let Some((percentiles, gate)) = times {
             dict.set_item("arrival", percentiles.map(|all| all.to_vec()))?;
             dict.set_item("suggested_gate", gate)?;
@@ -355,7 +357,7 @@ impl State {
         single: bool,
         progress: Option<&Py<PyAny>>,
     ) -> Result<(Image, Option<PyErr>)> {
-        let Job { experiment, scene, resolved, notes, printed } = self.job(flags)?;
+        let Job { experiment, scene, resolved, mut notes, printed } = self.job(flags)?;
         let settings = &resolved.settings;
         let count = settings.responses().len();
         if experiment.scan.is_some() {
@@ -371,12 +373,23 @@ impl State {
         }
         let has_variance = count > 1 && experiment.output.variance.unwrap_or(false);
         engine::check_memory(self.ready.as_ref(), settings, has_variance)?;
+        // The files of sums are those of the call: an experiment file names outputs of the program.
+        let wanted = flags::experiment(flags)?.output;
+        let is_in_files = experiment.scene.is_some() && self.moved.is_empty();
+        let in_files = if is_in_files { Some(sums::parsed(&printed)?) } else { None };
+        let mut sum_files = SumFiles::new(&wanted, in_files, settings, has_variance)?;
         let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
         let prepared = engine::prepare(self.ready.take(), scene, &experiment, settings, has_variance);
-        let Prepared { mut ready, layers } = prepared.map_err(|failure| self.of_file(failure))?;
+        let Prepared { mut ready, mut layers } = prepared.map_err(|failure| self.of_file(failure))?;
         warnings.extend(ready.warnings.iter().cloned());
+        notes.extend(sum_files.resume(&mut ready.renderer, &mut layers, settings)?);
         let strict = experiment.render.strict.unwrap_or(false);
-        let (seconds, interrupt) = engine::iterate(&mut ready.renderer, settings, strict, progress)?;
+        let before = sum_files.before;
+        let (seconds, interrupt) =
+            engine::iterate(&mut ready.renderer, settings, strict, before, progress, |renderer, seconds| {
+                sum_files.update(renderer, &layers, seconds);
+            })?;
+        warnings.extend(sum_files.finish(&ready.renderer, &layers, seconds));
         if ready.renderer.is_black() && interrupt.is_none() && !engine::may_be_dark(&experiment, settings) {
             let device = engine::device(experiment.render.device.as_deref())?;
             return Err(feasible::nothing_inside(&device, &ready.scene, settings).into());
@@ -390,7 +403,7 @@ impl State {
             adaptive: None,
             layers: Layers::default(),
         };
-        let (view, dropped) = (View::of(&ready.scene, settings)?, renderer.stats().dropped);
+        let (view, dropped) = (View::of(&ready.scene, settings)?, renderer.dropped());
         let image = Image { sums, responses: settings.responses().clone(), layers, view, notes, warnings, dropped };
         self.ready = Some(ready).filter(|ready| !ready.renderer.device().is_lost());
         Ok((image, interrupt))

@@ -8,3 +8,5 @@ pub mod feasible;
 pub mod memory;
 #[path = "../../src/app/render/ready.rs"]
 pub mod ready;
+#[path = "../../src/app/render/sums.rs"]
+pub mod sums;

@@ -226,7 +226,8 @@ fn with_samples(printed: &str, samples: u64) -> Result<String> {
     Ok(experiment.to_toml())
 }
 
-fn parsed(printed: &str) -> Result<Experiment> {
+/// The experiment of a TOML text.
+pub fn parsed(printed: &str) -> Result<Experiment> {
     Experiment::parse(printed).map_err(|e| settings(e.to_string()))
 }
 

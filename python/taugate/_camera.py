@@ -1,9 +1,14 @@
 """Cameras as matrices."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import Optional
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._errors import SettingsError
 
@@ -24,15 +29,23 @@ class Camera:
     """
 
     world_from_camera: np.ndarray
-    resolution: tuple
-    fov: float = None
-    height: float = None
-    principal_point: tuple = (0.5, 0.5)
+    resolution: tuple[int, int]
+    fov: Optional[float] = None
+    height: Optional[float] = None
+    principal_point: tuple[float, float] = (0.5, 0.5)
     name: str = ""
-    crop: tuple = None
+    crop: Optional[tuple[int, int, int, int]] = None
 
     @classmethod
-    def look_at(cls, eye, target, up=(0, 1, 0), fov=40.0, resolution=(512, 512), height=None):
+    def look_at(
+        cls,
+        eye: ArrayLike,
+        target: ArrayLike,
+        up: ArrayLike = (0, 1, 0),
+        fov: float = 40.0,
+        resolution: Sequence[int] = (512, 512),
+        height: Optional[float] = None,
+    ) -> Camera:
         """A camera at ``eye`` that looks at the point ``target``. With ``height`` it is orthographic, and ``fov`` does not count."""
         eye, target, up = (np.asarray(x, float) for x in (eye, target, up))
         forward = target - eye
@@ -42,10 +55,11 @@ class Camera:
         forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
         matrix = np.eye(4)
         matrix[:3] = np.stack([right, np.cross(forward, right), forward, eye], axis=1)
-        return cls(matrix, tuple(resolution), None if height else float(fov), height)
+        width, rows = resolution
+        return cls(matrix, (width, rows), None if height else float(fov), height)
 
     @classmethod
-    def from_matrices(cls, K, world_from_camera, resolution, axes="opencv"):
+    def from_matrices(cls, K: ArrayLike, world_from_camera: ArrayLike, resolution: Sequence[int], axes: str = "opencv") -> Camera:
         """A camera with the 3 x 3 matrix ``K`` of intrinsics and the pose ``world_from_camera`` (4 x 4, rigid).
 
         The centre of the first pixel is at (0.5, 0.5). OpenCV puts it at (0, 0): add 0.5 to its principal point. Pixels must be square and
@@ -81,17 +95,17 @@ class Camera:
         )
 
     @property
-    def world_from_camera_gl(self):
+    def world_from_camera_gl(self) -> np.ndarray:
         """The pose with the axes of OpenGL, Blender and glTF."""
         return self.world_from_camera @ FLIP
 
     @property
-    def camera_from_world(self):
+    def camera_from_world(self) -> np.ndarray:
         """The extrinsics: the inverse of ``world_from_camera``."""
         return np.linalg.inv(self.world_from_camera)
 
     @property
-    def K(self):
+    def K(self) -> np.ndarray:
         """Intrinsics (3 x 3) of the rendered part: pixel = K (x, y, z) / z, with the centre of its first pixel at (0.5, 0.5)."""
         if self.fov is None:
             raise SettingsError("an orthographic or aimed camera has no matrix K; use a perspective camera")
@@ -101,17 +115,17 @@ class Camera:
         cx, cy = self.principal_point[0] * width - x0, self.principal_point[1] * height - y0
         return np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
 
-    def moved(self, right=0.0, down=0.0, forward=0.0):
+    def moved(self, right: float = 0.0, down: float = 0.0, forward: float = 0.0) -> Camera:
         """The same camera, moved along its own axes by these lengths in metres."""
         step = np.eye(4)
         step[:3, 3] = right, down, forward
         return dataclasses.replace(self, world_from_camera=self.world_from_camera @ step)
 
-    def stereo(self, baseline):
+    def stereo(self, baseline: float) -> tuple[Camera, Camera]:
         """A rectified pair: this camera, and one ``baseline`` metres to its right. Disparity in pixels is ``K[0, 0] * baseline / z``."""
         return self, self.moved(right=baseline)
 
-    def rays(self):
+    def rays(self) -> np.ndarray:
         """Unit vectors (H, W, 3) in world space through the centres of the rendered pixels. Perspective cameras only."""
         width, height = self._size()
         K = self.K
@@ -120,11 +134,11 @@ class Camera:
         rays = local @ self.world_from_camera[:3, :3].T
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
-    def points(self, depth):
+    def points(self, depth: ArrayLike) -> np.ndarray:
         """World positions (H, W, 3) of a depth layer, which holds lengths of camera rays."""
         return self.world_from_camera[:3, 3] + np.asarray(depth, float)[..., None] * self.rays()
 
-    def project(self, points):
+    def project(self, points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (..., 2) of world positions (..., 3), and their z (...) in metres, which is negative behind the camera. The camera's own
         position gives NaN. Perspective cameras only."""
         local = np.asarray(points, float) @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]

@@ -1,5 +1,17 @@
 """Exceptions. Their messages are the sentences of the command line."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Optional, TypeVar, Union
+
+if TYPE_CHECKING:
+    from ._image import Histogram, Image
+    from ._scan import Scan
+
+    Result = Union[Image, Histogram, Scan]
+
+T = TypeVar("T")
+
 
 class Error(Exception):
     """An error of taugate."""
@@ -23,7 +35,7 @@ class DeviceError(Error, RuntimeError):
     ``image`` is the image, histogram or scan that was rendered before the device was lost; otherwise ``None``.
     """
 
-    image = None
+    image: Optional[Result] = None
 
 
 class NotFiniteError(Error, ArithmeticError):
@@ -37,7 +49,7 @@ class Interrupted(KeyboardInterrupt):
     renders end too.
     """
 
-    def __init__(self, image=None):
+    def __init__(self, image: Optional[Result] = None) -> None:
         super().__init__("the render was interrupted; the result so far is in .image")
         self.image = image
 
@@ -52,11 +64,12 @@ def early_end(exception, image):
     return interrupted
 
 
-def explain_changes(cls):
+def explain_changes(cls: type[T]) -> type[T]:
     """Makes a frozen dataclass say what to do instead of changing a field."""
 
     def refuse(self, field, *_):
         raise SettingsError(f"a {cls.__name__} does not change; make another one with dataclasses.replace(old, {field}=...), and add that one")
 
-    cls.__setattr__ = cls.__delattr__ = refuse
+    setattr(cls, "__setattr__", refuse)
+    setattr(cls, "__delattr__", refuse)
     return cls

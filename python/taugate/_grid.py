@@ -1,5 +1,7 @@
 """Density grids from arrays: the native part reads them from temporary files."""
 
+from __future__ import annotations
+
 import hashlib
 import os
 import tempfile
@@ -10,7 +12,7 @@ import numpy as np
 
 from ._errors import SettingsError
 
-_files = weakref.WeakValueDictionary()
+_files: weakref.WeakValueDictionary[str, GridFile] = weakref.WeakValueDictionary()
 _lock = threading.Lock()
 
 

@@ -1,9 +1,12 @@
 """Materials."""
 
+from __future__ import annotations
+
 import dataclasses
-from typing import Union
+from typing import Any, Optional, Union
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._errors import explain_changes
 from ._texture import Texture
@@ -25,44 +28,44 @@ class Material:
     The fields do not change; ``dataclasses.replace(material, color=...)`` makes another material.
     """
 
-    color: tuple = (1.0, 1.0, 1.0)
+    color: ArrayLike = (1.0, 1.0, 1.0)
     alpha: float = 1.0
     metallic: float = 0.0
     roughness: float = 1.0
     specular: float = 1.0
-    specular_color: tuple = (1.0, 1.0, 1.0)
+    specular_color: ArrayLike = (1.0, 1.0, 1.0)
     ior: float = 1.5
     transmission: float = 0.0
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.0
-    emission: tuple = (0.0, 0.0, 0.0)
+    emission: ArrayLike = (0.0, 0.0, 0.0)
     double_sided: bool = True
-    texture: Union[np.ndarray, Texture, None] = None
-    roughness_texture: Union[np.ndarray, Texture, None] = None
-    metallic_texture: Union[np.ndarray, Texture, None] = None
+    texture: Optional[Union[ArrayLike, Texture]] = None
+    roughness_texture: Optional[Union[ArrayLike, Texture]] = None
+    metallic_texture: Optional[Union[ArrayLike, Texture]] = None
 
     @classmethod
-    def diffuse(cls, color=(0.5, 0.5, 0.5), **more):
+    def diffuse(cls, color: ArrayLike = (0.5, 0.5, 0.5), **more: Any) -> Material:
         """A Lambertian surface with this albedo."""
         return cls(color=_rgb(color), specular=0.0, **more)
 
     @classmethod
-    def plastic(cls, color=(0.5, 0.5, 0.5), roughness=0.3, **more):
+    def plastic(cls, color: ArrayLike = (0.5, 0.5, 0.5), roughness: float = 0.3, **more: Any) -> Material:
         """A diffuse base under a glossy coat."""
         return cls(color=_rgb(color), roughness=roughness, **more)
 
     @classmethod
-    def metal(cls, color=(0.9, 0.9, 0.9), roughness=0.2, **more):
+    def metal(cls, color: ArrayLike = (0.9, 0.9, 0.9), roughness: float = 0.2, **more: Any) -> Material:
         """A conductor; a mirror at roughness 0."""
         return cls(color=_rgb(color), roughness=roughness, metallic=1.0, **more)
 
     @classmethod
-    def glass(cls, ior=1.5, roughness=0.0, **more):
+    def glass(cls, ior: float = 1.5, roughness: float = 0.0, **more: Any) -> Material:
         """A clear dielectric. Its meshes must be closed."""
         return cls(ior=ior, roughness=roughness, transmission=1.0, **more)
 
     @classmethod
-    def emitter(cls, radiance, **more):
+    def emitter(cls, radiance: ArrayLike, **more: Any) -> Material:
         """A lamp with this radiance in W/(m^2 sr) on its front, which reflects nothing."""
         return cls(**{"color": (0.0, 0.0, 0.0), "specular": 0.0, "emission": _rgb(radiance), "double_sided": False, **more})
 

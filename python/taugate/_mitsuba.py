@@ -1,8 +1,11 @@
 """Scenes of Mitsuba 3, read by Mitsuba itself."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 import os
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +27,7 @@ KINDS = (
 WRAPPERS = {"TwoSidedBRDF": "two-sided BSDF", "MaskBSDF": "mask", "BumpMap": "bump map", "NormalMap": "normal map"}
 
 
-def from_mitsuba(scene, **settings):
+def from_mitsuba(scene: Any, **settings: Any) -> Scene:
     """A :class:`Scene` from a scene of Mitsuba 3: the name of an XML file, a dictionary for ``mi.load_dict``, or an ``mi.Scene``.
 
     Needs the package ``mitsuba``, with a variant for RGB; without a variant it chooses ``llvm_ad_rgb`` or ``scalar_rgb``. Keyword arguments are

@@ -1,21 +1,45 @@
 """Renders, and their progress."""
 
-import collections
+from __future__ import annotations
+
 import logging
+import os
 import sys
 import warnings
+from typing import Any, Callable, NamedTuple, Optional, Union
 
 from ._errors import Interrupted, SettingsError, early_end
 from ._image import Histogram, Image
 from ._scene import Scene, load
+from ._words import word
 
 LOG = logging.getLogger("taugate")
 
-#: What a progress callback gets: the share of the budget that is used (0 to 1), samples per pixel, and seconds.
-Progress = collections.namedtuple("Progress", ["fraction", "samples", "seconds"])
+
+class Progress(NamedTuple):
+    """What a progress callback gets: the share of the budget that is used (0 to 1), samples per pixel, and seconds."""
+
+    fraction: float
+    samples: int
+    seconds: float
 
 
-def render(scene, *, progress=None, **settings):
+#: A scene, or the name of its file.
+AnyScene = Union[Scene, str, os.PathLike]
+FileName = Union[str, os.PathLike]
+#: A function that is told of the progress, or whether there is a progress bar.
+Watcher = Union[bool, Callable[[Progress], Any]]
+
+
+def render(
+    scene: AnyScene,
+    *,
+    progress: Optional[Watcher] = None,
+    checkpoint: Optional[FileName] = None,
+    every: Optional[Union[float, str]] = None,
+    resume: Optional[FileName] = None,
+    **settings: Any,
+) -> Image:
     """Renders the image of one gate, or of all light, and returns an :class:`Image`.
 
     ``scene`` is a :class:`Scene`, or the name of a file. Keyword arguments are settings with the names of the flags of the program, with
@@ -25,22 +49,35 @@ def render(scene, *, progress=None, **settings):
     ``progress``: a function that gets a :class:`Progress` after each iteration, or ``True`` for a progress bar (tqdm, if it is installed). A
     function that is slower than the iterations gets the newest one. An exception of the function ends the render. An interrupt (Ctrl-C)
     raises :class:`Interrupted`, and the loss of the device raises :class:`DeviceError`. Their ``image`` is the image so far.
+
+    ``checkpoint="x.acc"`` writes the sums to this file at the end and ``every`` so often (60 s by default). If the file exists, the render goes on
+    from it, so after a crash the same call makes the image of a render that never stopped. ``resume="x.acc"`` goes on from sums without writing
+    them. Both need a scene in files, without moved nodes.
     """
-    return _run("render", Image, True, scene, progress, settings)
+    return _run("render", Image, True, scene, progress, settings, checkpoint=checkpoint, every=every, resume=resume)
 
 
-def histogram(scene, *, progress=None, **settings):
+def histogram(
+    scene: AnyScene,
+    *,
+    progress: Optional[Watcher] = None,
+    checkpoint: Optional[FileName] = None,
+    every: Optional[Union[float, str]] = None,
+    resume: Optional[FileName] = None,
+    **settings: Any,
+) -> Histogram:
     """Renders the images of many gates from the same light paths, and returns a :class:`Histogram`. Arguments as for :func:`render`.
 
     ``gates="A..B/N"`` or ``(A, B, N)`` in metres divides a range into N gates; ``response`` and ``cw`` define other responses.
     ``variance=True`` also estimates variances.
     """
-    return _run("histogram", Histogram, False, scene, progress, settings)
+    return _run("histogram", Histogram, False, scene, progress, settings, checkpoint=checkpoint, every=every, resume=resume)
 
 
-def _run(call, kind, single, scene, progress, settings):
+def _run(call, kind, single, scene, progress, settings, **sum_files):
     scene = scene if isinstance(scene, Scene) else load(scene)
     native, flags = scene._job(settings, call)
+    flags.extend((name, [word(name, value)]) for name, value in sum_files.items() if value is not None)
     with watcher(progress) as watch:
         try:
             image, interrupt = native.render(flags, single, watch)

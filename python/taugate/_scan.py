@@ -1,15 +1,19 @@
 """Scans: a laser and a sensor that look at points of a wall, and the HDF5 files of tal."""
 
+from __future__ import annotations
+
 import json
 import os
 import pathlib
 import warnings
+from typing import Any, Optional
 
 import numpy as np
 
 from . import _native
 from ._errors import SettingsError, early_end
-from ._render import watcher
+from ._files import write, writing
+from ._render import AnyScene, Watcher, watcher
 from ._scene import Scene, load
 
 # Numbers of tal's enumerations HFormat, GridFormat and VolumeFormat.
@@ -26,55 +30,54 @@ class Scan:
     same shape; ``None`` if the scan had no ``variance=True``. ``description`` is the JSON of the program: positions, gates, settings.
     """
 
-    def __init__(self, data, description, variance=None):
+    def __init__(self, data: np.ndarray, description: dict[str, Any], variance: Optional[np.ndarray] = None) -> None:
         self.data, self.description, self.variance = data, description, variance
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: str | os.PathLike[str]) -> Scan:
         """Reads the array ``path`` (.npy) that the program or :meth:`save` wrote, and its description (.json) beside it."""
         path = pathlib.Path(path)
         description = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         if "laser_points" not in description:
             raise SettingsError(f"{path} is no scan, but an image")
-        data, variance = np.load(path), path.with_suffix(".variance.npy")
-        variance = np.load(variance) if variance.exists() else None
+        data, of_variance = np.load(path), path.with_suffix(".variance.npy")
+        variance = np.load(of_variance) if of_variance.exists() else None
         if variance is not None and variance.shape != data.shape:
             # The file is from an older scan of the same name.
             variance = None
         return cls(data, description, variance)
 
-    def save(self, path):
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the array (.npy), its description (.json), and its variances (.variance.npy). If there are no variances, an older file with
         variances is removed."""
         path = pathlib.Path(path)
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
         variance = path.with_suffix(".variance.npy")
-        if self.variance is None:
-            # First, so that the new array never has the old variances.
-            variance.unlink(missing_ok=True)
-        np.save(path, self.data)
-        path.with_suffix(".json").write_text(json.dumps(self.description, indent=2), encoding="utf-8")
+        # First, so that the new array never has the old variances.
+        variance.unlink(missing_ok=True)
+        write(path.with_suffix(".json"), json.dumps(self.description, indent=2).encode())
+        _save(path, self.data)
         if self.variance is not None:
-            np.save(variance, self.variance)
+            _save(variance, self.variance)
 
     @property
-    def is_confocal(self):
+    def is_confocal(self) -> bool:
         """Whether laser and sensor always look at the same point."""
         return self.data.ndim == 2
 
     @property
-    def laser_points(self):
+    def laser_points(self) -> np.ndarray:
         """Positions (N, 3) of the points of the laser, in metres."""
         return np.array(self.description["laser_points"])
 
     @property
-    def sensor_points(self):
+    def sensor_points(self) -> np.ndarray:
         """Positions (N, 3) of the points of the sensor, in metres."""
         return np.array(self.description["sensor_points"])
 
     @property
-    def edges(self):
+    def edges(self) -> np.ndarray:
         """The T + 1 edges of the gates in metres of optical path."""
         start, width, count = self._bins()
         return start + width * np.arange(count + 1)
@@ -85,7 +88,7 @@ class Scan:
             raise SettingsError("the gates of this scan have different widths; scan with gates='A..B/N'")
         return tuple(self.description[key] for key in keys)
 
-    def to_tal(self, path):
+    def to_tal(self, path: str | os.PathLike[str]) -> None:
         """Writes the HDF5 file of tal (y-tal), which reconstructs hidden scenes. Needs h5py.
 
         Grids of points become axes x (columns) and y (rows). H is the sum over the channels. A single point of the laser has no axis in H.
@@ -132,15 +135,15 @@ class Scan:
             # tal reads YAML, and JSON is valid YAML.
             "scene_info": json.dumps(info),
         }
-        with h5py.File(os.fspath(path), "w") as file:
+        with writing(path) as temporary, h5py.File(temporary, "w") as file:
             for key, value in contents.items():
                 file[key] = value
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<taugate.Scan {' x '.join(map(str, self.data.shape))}>"
 
 
-def scan(scene, *, progress=None, **settings):
+def scan(scene: AnyScene, *, progress: Optional[Watcher] = None, **settings: Any) -> Scan:
     """Measures a scan and returns a :class:`Scan`.
 
     ``scene`` is an experiment (.toml) with a table ``[scan]``, or a :class:`Scene` that was loaded from one. Keyword arguments and ``progress`` are
@@ -151,15 +154,20 @@ def scan(scene, *, progress=None, **settings):
     native, flags = scene._job(settings, "scan")
     with watcher(progress) as watch:
         arrays, found, interrupt = _native.scan(native, flags, watch)
-    result = None
-    if arrays is not None:
-        data, description, variance = arrays
-        result = Scan(data, json.loads(description), variance)
     for warning in found:
         warnings.warn(warning, stacklevel=2)
+    if arrays is None:
+        raise early_end(interrupt, None)
+    data, description, variance = arrays
+    result = Scan(data, json.loads(description), variance)
     if interrupt is not None:
         raise early_end(interrupt, result)
     return result
+
+
+def _save(path, array):
+    with writing(path) as temporary, open(temporary, "xb") as file:
+        np.save(file, array)
 
 
 def _grid(points, grid):

@@ -1,5 +1,7 @@
 """Scenes: files, and scenes from arrays."""
 
+from __future__ import annotations
+
 import copy
 import hashlib
 import json
@@ -7,8 +9,11 @@ import os
 import threading
 import types
 import weakref
+from collections.abc import Iterable, Mapping
+from typing import Any, Optional, Union
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _native
 from ._camera import Camera
@@ -35,41 +40,52 @@ class Scene:
     and the instances with ``moves=True`` change.
     """
 
-    def __init__(self, **settings):
+    def __init__(self, **settings: Any) -> None:
         self._forget_natives()
-        self.path = None
-        self.moves = ()
+        self.path: Optional[str] = None
+        self.moves: tuple[str, ...] = ()
         self.settings = settings
         #: Cameras by name. The first one is the default.
-        self.cameras = {}
+        self.cameras: dict[str, Camera] = {}
         #: What :func:`from_mitsuba` approximated or left out, one sentence each.
-        self.not_converted = []
-        self._materials = {}
-        self._meshes = {}
-        self._instances = {}
-        self._lights = {}
-        self._moved = {}
+        self.not_converted: list[str] = []
+        self._materials: dict[str, Material] = {}
+        self._meshes: dict[str, dict[str, Any]] = {}
+        self._instances: dict[str, tuple[str, np.ndarray, bool]] = {}
+        self._lights: dict[str, dict[str, Any]] = {}
+        self._moved: dict[str, np.ndarray] = {}
 
     @property
-    def settings(self):
+    def settings(self) -> Mapping[str, Any]:
         """Settings of all renders of the scene. To change them, assign a dictionary, such as ``{**scene.settings, "spp": 16}``."""
         return types.MappingProxyType(self._settings)
 
     @settings.setter
-    def settings(self, settings):
+    def settings(self, settings: Mapping[str, Any]) -> None:
         words(settings, "Scene")
         self._settings = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in settings.items()}
         self._changed()
 
     # Objects.
 
-    def add_material(self, name, material):
+    def add_material(self, name: str, material: Material) -> None:
         """Adds or replaces a :class:`Material`."""
         self._of_arrays()
         self._materials[name] = self._own(material)
         self._changed()
 
-    def add_mesh(self, name, vertices, triangles, material=None, *, transform=None, normals=None, uvs=None, moves=False):
+    def add_mesh(
+        self,
+        name: str,
+        vertices: ArrayLike,
+        triangles: ArrayLike,
+        material: Optional[Union[Material, str]] = None,
+        *,
+        transform: Optional[ArrayLike] = None,
+        normals: Optional[ArrayLike] = None,
+        uvs: Optional[ArrayLike] = None,
+        moves: bool = False,
+    ) -> None:
         """Adds or replaces a mesh and places it.
 
         ``vertices`` (N, 3) in metres; ``triangles`` (M, 3) indices of vertices, counter-clockwise as seen from the front; ``normals`` (N, 3) for
@@ -95,7 +111,7 @@ class Scene:
         self._changed()
         self.add_instance(name, name, transform, moves=moves)
 
-    def add_instance(self, name, mesh, transform=None, *, moves=False):
+    def add_instance(self, name: str, mesh: str, transform: Optional[ArrayLike] = None, *, moves: bool = False) -> None:
         """Adds or replaces another placement of a mesh."""
         self._of_arrays()
         if mesh not in self._meshes:
@@ -103,7 +119,7 @@ class Scene:
         self._instances[name] = (mesh, _matrix(transform), bool(moves))
         self._stale = True
 
-    def add_light(self, kind, name, position, **more):
+    def add_light(self, kind: str, name: str, position: ArrayLike, **more: Any) -> None:
         """Adds or replaces a light without a surface: a ``point`` (``intensity`` in W/sr), a ``spot`` (``intensity``, ``direction`` or
         ``target``, ``inner_angle``, ``outer_angle`` in degrees) or a ``beam`` (``power`` in W, ``radius``, ``direction`` or ``target``)."""
         self._of_arrays("lights with the settings lamp=... and headlamp=...")
@@ -112,12 +128,12 @@ class Scene:
         self._lights[name] = {"type": kind, "name": name, "position": position, **more}
         self._stale = True
 
-    def add_camera(self, name, camera):
+    def add_camera(self, name: str, camera: Camera) -> None:
         """Adds or replaces a :class:`Camera`. Renders use the first one, unless they have ``camera="name"``, ``look_from`` or ``look_at``.
         Other settings, such as ``fov``, change it for one render."""
         self.cameras[name] = camera
 
-    def remove(self, name):
+    def remove(self, name: str) -> None:
         """Removes the mesh, instance, light or camera of this name. A mesh takes its instances with it."""
         found = [objects for objects in (self._meshes, self._instances, self._lights, self.cameras) if name in objects]
         if not found:
@@ -127,25 +143,25 @@ class Scene:
         self._instances = {key: one for key, one in self._instances.items() if one[0] in self._meshes}
         self._changed()
 
-    def set_transform(self, name, matrix):
+    def set_transform(self, name: str, matrix: ArrayLike) -> None:
         """Moves an instance, or the node of a file: ``matrix`` (4 x 4) maps mesh space to world space. If a file has several instances of
         this name, such as copies of a node, ``matrix`` is that of the first. The others keep their places relative to it.
 
         If the instance was added with ``moves=True``, or :func:`load` named it in ``moves``, the next render repeats only a part of the
         preparation. Otherwise the next render prepares the whole scene anew. The image is the same, except for rounding.
         """
-        matrix = _matrix(matrix)
+        moved = _matrix(matrix)
         if self.path is None:
             if name not in self._instances:
                 raise SettingsError(f"the scene has no instance '{name}'; check the name")
             mesh, _, moves = self._instances[name]
-            self._instances[name] = (mesh, matrix, moves)
+            self._instances[name] = (mesh, moved, moves)
             self._stale = True
         else:
-            self._built().set_transform(name, matrix.tolist())
-            self._moved[name] = matrix
+            self._built().set_transform(name, moved.tolist())
+            self._moved[name] = moved
 
-    def transform(self, name):
+    def transform(self, name: str) -> np.ndarray:
         """The matrix (4 x 4) of an instance, or of the first instance of a node of a file. It maps mesh space to world space."""
         if self.path is None and name in self._instances:
             return self._instances[name][1].copy()
@@ -153,12 +169,12 @@ class Scene:
 
     # What renders see.
 
-    def camera(self, **settings):
+    def camera(self, **settings: Any) -> Camera:
         """The :class:`Camera` that a render with these settings has."""
         native, flags = self._job(settings, "camera")
         return Camera._of(native.view(flags))
 
-    def info(self, arrival=False, **settings):
+    def info(self, arrival: bool = False, **settings: Any) -> dict[str, Any]:
         """A dictionary that describes the scene as a render with these settings sees it: ``cameras`` and ``emitters`` (names), ``objects`` (names
         by number), ``triangles``, ``bounds`` (two corners in metres), ``diagonal``, ``media`` (how many), ``resolution``, ``notes``, ``warnings``.
 
@@ -169,7 +185,7 @@ class Scene:
         info = native.info(flags, arrival)
         return {**info, "cameras": list(self.cameras) + [name for name in info["cameras"] if name != "look" or not self.cameras]}
 
-    def experiment(self, **settings):
+    def experiment(self, **settings: Any) -> str:
         """The settings of a render with all defaults, as an experiment file (TOML) of the program."""
         native, flags = self._job(settings, "experiment")
         return native.settings(flags)
@@ -343,13 +359,13 @@ class Scene:
         twin.__setstate__(copy.deepcopy(self.__getstate__(), memo))
         return twin
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         if self.path is not None:
             return f"<taugate.Scene of {self.path}>"
         return f"<taugate.Scene of {len(self._instances)} instances, {len(self._lights)} lights>"
 
 
-def load(path, *, moves=(), **settings):
+def load(path: str | os.PathLike[str], *, moves: Union[str, Iterable[str]] = (), **settings: Any) -> Scene:
     """Reads a scene (.glb, .gltf) or an experiment (.toml), and returns a :class:`Scene`.
 
     Keyword arguments are settings of all renders of the scene. They have the names of the flags of the program, with underscores for dashes;

@@ -1,9 +1,12 @@
 """Textures."""
 
+from __future__ import annotations
+
 import dataclasses
 from typing import Optional, Union
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._errors import SettingsError, explain_changes
 
@@ -29,10 +32,10 @@ class Texture:
     The fields do not change, see :class:`Material`.
     """
 
-    texels: np.ndarray
-    wrap: Union[str, tuple] = "repeat"
+    texels: ArrayLike
+    wrap: Union[str, tuple[str, str]] = "repeat"
     filter: str = "linear"
-    transform: Optional[np.ndarray] = None
+    transform: Optional[ArrayLike] = None
 
     def _sampler(self, what):
         """Wrap modes, filter and transform as the native part takes them."""

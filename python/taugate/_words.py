@@ -1,5 +1,7 @@
 """Keyword arguments as words of the command line."""
 
+from __future__ import annotations
+
 import difflib
 import numbers
 import os
@@ -14,7 +16,7 @@ FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags
 # A pair of numbers in these settings is a range in metres.
 RANGES = ("gate", "depth")
 # Units of numbers in these settings.
-UNITS = {"time": "s", "at": "s", "repeat": "m", "visibility": "m", "mor": "m"}
+UNITS = {"time": "s", "at": "s", "every": "s", "repeat": "m", "visibility": "m", "mor": "m"}
 
 
 class Words(list):
@@ -85,6 +87,6 @@ def _number(value):
     return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
 
 
-def settings():
+def settings() -> dict[str, str]:
     """All settings of a render: a dictionary from keyword to help text. The same names with dashes are the flags of the program."""
     return {keyword: " ".join(about[3].split()) for keyword, about in FLAGS.items()}

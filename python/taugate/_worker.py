@@ -1,6 +1,7 @@
-"""What workers of a farm run (``farm.py``), and the files of data sets."""
+"""What workers of a farm run (``farm.py``)."""
 
-import contextlib
+from __future__ import annotations
+
 import functools
 import os
 import pickle
@@ -8,28 +9,24 @@ import shutil
 import socket
 import tempfile
 import threading
-import time as clock
-import uuid
 import warnings
 import weakref
 
 from . import _native
 from ._errors import FileError, SceneError, SettingsError
+from ._files import write
 from ._image import Image
 from ._render import all_warnings
+from ._scene import Scene
 
 #: Exceptions that a repetition would raise again.
 LASTING = (SettingsError, SceneError, TypeError)
-#: Age in seconds of a file without its end at which its writer is no longer at work.
-ABANDONED = 3600
 #: Endings of the files by which a data set knows the jobs that are finished.
 ENDINGS = (".npy", ".exr")
-#: Ending of a file that is being written.
-PARTIAL = ".taugate-partial"
 #: Number of scenes that a worker keeps, and that a client keeps on its workers.
 KEPT = 4
 
-_scenes = {}
+_scenes: dict[str, Scene] = {}
 _lock = threading.Lock()
 
 
@@ -120,27 +117,3 @@ def render_whole(key, payload, files, settings):
             with open(os.path.join(folder, name), "rb") as file:
                 files[name[len("image") :]] = file.read()
         return files, all_warnings(image)
-
-
-def write(path, contents):
-    """Writes a file, whole or not at all. It has the usual permissions of a new file."""
-    folder, name = os.path.split(path)
-    temporary = os.path.join(folder, f".{name}-{uuid.uuid4().hex[:8]}{PARTIAL}")
-    try:
-        with open(temporary, "xb") as file:
-            file.write(contents)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.remove(temporary)
-        raise
-
-
-def remove_abandoned(folder):
-    """Removes what clients that were killed have left of their files."""
-    for entry in os.scandir(folder):
-        with contextlib.suppress(OSError):
-            if entry.name.startswith(".") and entry.name.endswith(PARTIAL) and clock.time() - entry.stat().st_mtime > ABANDONED:
-                os.remove(entry.path)

@@ -8,25 +8,34 @@ returns sums. The sums of all parts add up to the image that one machine would r
 its machine.
 """
 
+from __future__ import annotations
+
 import copy
 import hashlib
 import numbers
 import os
+import pathlib
 import pickle
 import time as clock
 import uuid
 import warnings
 import weakref
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
 from . import _native
 from ._errors import Error, Interrupted, SettingsError
+from ._files import remove_abandoned, write
 from ._image import Histogram, Image
-from ._render import Progress, all_warnings, watcher
+from ._render import AnyScene, Progress, Watcher, all_warnings, watcher
 from ._scene import Scene, load
 from ._words import word
-from ._worker import ENDINGS, KEPT, LASTING, accumulate, checked, refuse_black, remove_abandoned, render_whole, write
+from ._worker import ENDINGS, KEPT, LASTING, accumulate, checked, refuse_black, render_whole
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 #: Samples per pixel of the first parts, which show how long a sample takes.
 FIRST_SAMPLES = 4
@@ -41,21 +50,26 @@ BLACK_PARTS = 16
 #: Seconds between two looks for finished parts.
 PATIENCE = 0.02
 
-_on_workers = weakref.WeakKeyDictionary()
+#: Seconds between two questions to the scheduler how many threads the workers have.
+BETWEEN_COUNTS = 1.0
+
+#: By client: its scenes on the workers; when the threads of its workers were counted, and how many there were.
+_on_workers: weakref.WeakKeyDictionary[Any, dict[str, Any]] = weakref.WeakKeyDictionary()
+_threads_of: weakref.WeakKeyDictionary[Any, tuple[float, int]] = weakref.WeakKeyDictionary()
 
 
 def render(
-    scene,
+    scene: AnyScene,
     *,
-    client,
-    spp=None,
-    time=None,
-    error=None,
-    part_seconds=10.0,
-    on_update=None,
-    progress=None,
-    **settings,
-):
+    client: Client,
+    spp: Optional[int] = None,
+    time: Optional[Union[float, str]] = None,
+    error: Optional[Union[float, str]] = None,
+    part_seconds: float = 10.0,
+    on_update: Optional[Callable[[Union[Image, Histogram]], Any]] = None,
+    progress: Optional[Watcher] = None,
+    **settings: Any,
+) -> Union[Image, Histogram]:
     """Renders on the workers of ``client``, a ``dask.distributed.Client``. Returns an :class:`Image`, or a :class:`Histogram` if there are
     several gates.
 
@@ -71,11 +85,11 @@ def render(
     A part takes about ``part_seconds``. After each one, ``on_update`` gets the image so far, and ``progress`` a :class:`Progress`. Further keyword
     arguments are settings, as for :func:`taugate.render`. An interrupt raises :class:`Interrupted`, whose ``image`` is the image so far.
 
-    If a worker is lost, another one renders its parts. A part that fails four times is left out with a warning. If as many parts fail one after
-    the other as run or wait at a time, the render ends: with the image so far and a warning, or with the last exception if there is no image. The
-    sums are added in the order of the iterations, so the image does not depend on which machine was fast. After ``time``, the finished parts
-    behind a slow one are added without it. With ``spp`` and ``sampling="uniform"`` it is the image of :func:`taugate.render`. With adaptive
-    sampling each part adapts by itself.
+    If a worker is lost, another one renders its parts. If all others wait for the part of a slow worker, one of them renders it too. A part
+    that fails four times is left out with a warning. If as many parts fail one after the other as run or wait at a time, the render ends:
+    with the image so far and a warning, or with the last exception if there is no image. The sums are added in the order of the iterations,
+    so the image does not depend on which machine was fast. After ``time``, the finished parts behind a slow one are added without it. With
+    ``spp`` and ``sampling="uniform"`` it is the image of :func:`taugate.render`. With adaptive sampling each part adapts by itself.
 
     ``image.save("x.acc")`` writes the sums, which ``taugate develop`` and ``merge`` read. If the scene is a file, ``render --resume`` goes on. A
     scan, auxiliary layers (``aov``) and ``strict`` are refused.
@@ -124,15 +138,17 @@ def _share(error):
     return share
 
 
-def dataset(jobs, *, client, folder, suffix=".npy"):
+def dataset(
+    jobs: Iterable[tuple[str, AnyScene, dict[str, Any]]], *, client: Client, folder: str | os.PathLike[str], suffix: str = ".npy"
+) -> Iterator[str]:
     """Renders many images, each on one worker, to files in ``folder``. Yields the path of each file as it is finished.
 
     ``jobs`` is an iterable of ``(name, scene, settings)``, which may be endless or made while the renders run; ``settings`` is a dictionary with
     the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. Each job writes ``folder/name.npy`` with the
-    files beside it, and an image also ``name.exr``. ``suffix`` is the ending of the file that is yielded: ``.npy``, or ``.exr`` if all results
-    are images. If this file is there already, it is kept, so a data set can be continued: give equal names to equal jobs only. A job with a
-    mistake, or one that fails four times, is left out, and so is a histogram if ``suffix`` is ``.exr``. After all jobs, the first exception is
-    raised.
+    files beside it, and an image also ``name.exr``. A name such as ``train/0001`` makes a folder below ``folder``. ``suffix`` is the ending of
+    the file that is yielded: ``.npy``, or ``.exr`` if all results are images. If this file is there already, it is kept, so a data set can be
+    continued: give equal names to equal jobs only. A job with a mistake, or one that fails four times, is left out, and so is a histogram if
+    ``suffix`` is ``.exr``. After all jobs, the first exception is raised.
     """
     if suffix not in ENDINGS:
         raise SettingsError(f"suffix is {suffix!r}, but must be {' or '.join(map(repr, ENDINGS))}")
@@ -142,8 +158,8 @@ def dataset(jobs, *, client, folder, suffix=".npy"):
 def _dataset(jobs, client, folder, suffix):
     from distributed import as_completed
 
-    os.makedirs(folder, exist_ok=True)
-    remove_abandoned(folder)
+    folders = set()
+    _prepare(folder, folders)
     jobs, running, failures = iter(jobs), as_completed(), []
     while True:
         while running.count() < AHEAD * max(_threads(client), 1):
@@ -151,14 +167,17 @@ def _dataset(jobs, client, folder, suffix):
             if following is None:
                 break
             name, scene, settings = following
-            path = os.path.join(folder, name + suffix)
-            if os.path.exists(path):
-                yield path
-                continue
             try:
-                job = _Job(scene, settings, None)
+                path = _place(folder, name) + suffix
+                is_finished = os.path.exists(path)
+                if not is_finished:
+                    job = _Job(scene, settings, None)
+                    _prepare(os.path.dirname(path), folders)
             except Exception as failure:  # of the job, whatever it is
                 failures.append(failure)
+                continue
+            if is_finished:
+                yield path
                 continue
             future = client.submit(
                 render_whole,
@@ -169,7 +188,7 @@ def _dataset(jobs, client, folder, suffix):
                 key=f"taugate-image-{name}-{uuid.uuid4().hex[:8]}",
                 retries=RETRIES,
             )
-            future.taugate_path = path
+            future.taugate_path, future.taugate_name = path, name + suffix
             running.add(future)
         if running.count() == 0:
             break
@@ -180,17 +199,32 @@ def _dataset(jobs, client, folder, suffix):
             failures.append(failure)
             continue
         if suffix not in files:
-            name = os.path.basename(future.taugate_path)
-            failures.append(SettingsError(f"{name} was not written, because a histogram has no {suffix}; use suffix='.npy'"))
+            failures.append(SettingsError(f"{future.taugate_name} was not written, because a histogram has no {suffix}; use suffix='.npy'"))
             continue
         for warning in found:
-            warnings.warn(f"{os.path.basename(future.taugate_path)}: {warning}", stacklevel=2)
+            warnings.warn(f"{future.taugate_name}: {warning}", stacklevel=2)
         # The file that shows that the job is finished comes last.
         for ending, contents in sorted(files.items(), key=lambda file: file[0] == suffix):
             write(os.path.splitext(future.taugate_path)[0] + ending, contents)
         yield future.taugate_path
     if failures:
         raise failures[0]
+
+
+def _place(folder, name):
+    """The path of the files of a job in a data set, without their endings. It is below the folder."""
+    path = os.path.normpath(name) if isinstance(name, str) and name else os.curdir
+    if path.split(os.sep)[0] in (os.curdir, os.pardir) or pathlib.PurePath(path).anchor or "\0" in path:
+        raise SettingsError(f"the name of a job is {name!r}, but must be a text such as 'seed1' or 'train/seed1' that stays in the folder")
+    return os.path.join(folder, path)
+
+
+def _prepare(folder, prepared):
+    """Makes a folder for files of a data set, unless it is among those that are prepared."""
+    if folder not in prepared:
+        os.makedirs(folder, exist_ok=True)
+        remove_abandoned(folder)
+        prepared.add(folder)
 
 
 class _Job:
@@ -247,17 +281,25 @@ class _Run:
         self.samples, self.seconds = 0, 0.0
         #: Parts that were added, and how many of the last ones had an error that is small enough.
         self.added, self.confirmed = 0, 0
+        #: First iterations of the parts that came back.
+        self.came = set()
         self.futures = set()
 
     def until_the_end(self):
         self._submit()
-        while self.parts.count():
+        # A copy of a part that came back may still run on a slow worker, but nobody waits for it.
+        while self.parts.count() and self.wanted < self.next:
             # After the time, a render without an image still waits for the parts that run.
             while not self.parts.has_ready() and not (self._is_late() and (self.sums is not None or self.waiting)):
                 clock.sleep(PATIENCE)
             while self.parts.has_ready():
                 future = next(self.parts)
-                self.waiting[future.taugate_range[0]] = future
+                begin, _ = future.taugate_range
+                if begin in self.came:
+                    self.futures.discard(future)
+                else:
+                    self.came.add(begin)
+                    self.waiting[begin] = future
             if self._is_late():
                 for begin in sorted(self.waiting):
                     self._add(self.waiting.pop(begin))
@@ -348,28 +390,36 @@ class _Run:
         limit = self._round()
         while self.parts.count() + len(self.waiting) < limit and self.parts.count() < limit // 2:
             if self.job.spp is not None and _native.samples_before_iteration(self.next) >= self.job.spp:
-                return
+                break
             samples = FIRST_SAMPLES
             if self.samples:
                 samples = max(FIRST_SAMPLES, self.part_seconds * self.samples / max(self.seconds, 1e-9))
             begin = self.next
             self.next, _ = _native.part(begin, samples)
-            future = self.client.submit(
-                accumulate,
-                self.job.key,
-                self.scene,
-                self.job.files,
-                self.job.settings,
-                self.job.contents,
-                begin,
-                self.next,
-                self.job.spp,
-                key=f"taugate-part-{self.name}-{begin}-{self.next}",
-                retries=RETRIES,
-            )
-            future.taugate_range = (begin, self.next)
-            self.futures.add(future)
-            self.parts.add(future)
+            self._submit_part(begin, self.next)
+        late = [future.taugate_range for future in self.futures if future.taugate_range[0] == self.wanted]
+        if self.parts.count() < _threads(self.client) and len(late) == 1:
+            # A worker is idle, and all others wait for this part. Both copies get the same random numbers, so it does not matter for the
+            # image which one comes first.
+            self._submit_part(*late[0], "-again")
+
+    def _submit_part(self, begin, end, copy=""):
+        future = self.client.submit(
+            accumulate,
+            self.job.key,
+            self.scene,
+            self.job.files,
+            self.job.settings,
+            self.job.contents,
+            begin,
+            end,
+            self.job.spp,
+            key=f"taugate-part-{self.name}-{begin}-{end}{copy}",
+            retries=RETRIES,
+        )
+        future.taugate_range = (begin, end)
+        self.futures.add(future)
+        self.parts.add(future)
 
     def image(self):
         """The image so far; ``None`` before the first part."""
@@ -399,4 +449,10 @@ def _sent(client, job):
 
 
 def _threads(client):
-    return sum(worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values())
+    """Number of threads of all workers. The scheduler, which sends the records of all workers, is asked at most once per second."""
+    asked, threads = _threads_of.get(client, (-np.inf, 0))
+    now = clock.monotonic()
+    if now - asked >= BETWEEN_COUNTS:
+        threads = sum(worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values())
+        _threads_of[client] = now, threads
+    return threads

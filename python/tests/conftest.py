@@ -61,6 +61,20 @@ def room(**settings):
     return scene
 
 
+def add_speck(scene):
+    """Adds a speck, which no camera of the tests sees. Its material has all features of textures, so that scenes with it share compiled
+    kernels."""
+    texels = np.full((2, 2, 4), 255, np.uint8)
+    texels[0, 0, 3] = 0
+    turn = np.diag([2.0, 1.0, 1.0])
+    numbers = taugate.Texture(np.full((2, 2), 0.5), transform=turn)
+    material = taugate.Material(
+        texture=taugate.Texture(texels, transform=turn), roughness_texture=numbers, metallic_texture=numbers, metallic=1.0
+    )
+    scene.add_mesh("speck", *quad((3, 0, 0), (0.01, 0, 0), (0, 0.01, 0)), material, uvs=[(0, 0), (1, 0), (1, 1), (0, 1)])
+    return scene
+
+
 def shift(x, y, z):
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z

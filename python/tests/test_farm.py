@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 import zipfile
 
 import numpy as np
@@ -74,6 +75,50 @@ def test_a_killed_worker_changes_no_bit(cluster):
     assert np.allclose(image.variance, alone.variance, rtol=1e-6)
     whole = by_hand(scene, 400, [(0, 7), (7, 20), (20, 62)])
     assert image.pixels.tobytes() == whole.pixels.tobytes() and image.variance.tobytes() == whole.variance.tobytes()
+
+
+def test_another_worker_repeats_the_part_of_a_slow_one(cluster, monkeypatch, tmp_path):
+    from taugate import farm
+
+    accumulate, patience, started = farm.accumulate, 60, time.monotonic()
+
+    def slow_at_first(key, payload, files, settings, contents, begin, *more):
+        try:
+            (tmp_path / f"began-{begin}").touch(exist_ok=False)
+        except FileExistsError:
+            pass
+        else:
+            # The first worker that gets this part hangs until the end of the test.
+            hangs = time.monotonic()
+            while begin == 2 and not (tmp_path / "over").exists() and time.monotonic() - hangs < patience:
+                time.sleep(0.05)
+        return accumulate(key, payload, files, settings, contents, begin, *more)
+
+    monkeypatch.setattr(farm, "accumulate", slow_at_first)
+    scene = SCENES / "cornell-box.glb"
+    image = farm.render(scene, client=cluster, spp=100, part_seconds=0.001, **SETTINGS)
+    assert (tmp_path / "began-2").exists() and time.monotonic() - started < patience
+    (tmp_path / "over").touch()
+    assert image.samples == 100 and image.pixels.tobytes() == taugate.render(scene, spp=100, **SETTINGS).pixels.tobytes()
+
+
+def test_the_scheduler_is_asked_for_its_workers_once_per_second(monkeypatch):
+    from taugate import farm
+
+    class Client:
+        asked = 0
+
+        def scheduler_info(self, n_workers):
+            self.asked += 1
+            return {"workers": {name: {"nthreads": self.asked} for name in "ab"}}
+
+    now, client = [100.0], Client()
+    monkeypatch.setattr(farm, "clock", types.SimpleNamespace(monotonic=lambda: now[0]))
+    assert [farm._threads(client) for _ in range(3)] == [2, 2, 2]
+    now[0] += 0.9
+    assert (farm._threads(client), client.asked) == (2, 1)
+    now[0] += 0.2
+    assert (farm._threads(client), client.asked) == (4, 2)
 
 
 def test_an_error_or_a_time_ends_a_render(cluster):
@@ -245,12 +290,20 @@ def test_sums_and_grids(cluster, tmp_path, program):
 
 
 def test_a_data_set_is_continued(cluster, tmp_path):
-    from taugate import _worker, farm
+    from taugate import _files, farm
 
     scene = taugate.load(SCENES / "cornell-box.glb", **SETTINGS)
     jobs = [(f"seed{seed}", scene, dict(seed=seed, spp=2)) for seed in range(3)]
-    made = sorted(farm.dataset(jobs[:2], client=cluster, folder=tmp_path))
-    assert [pathlib.Path(path).name for path in made] == ["seed0.npy", "seed1.npy"]
+    outside = [("../seed8", scene, dict(spp=2)), (str(tmp_path / "seed8"), scene, {}), ("", scene, {}), (8, scene, {})]
+    inside = [("train/a/seed9", scene, dict(spp=2))]
+    made = []
+    with pytest.raises(taugate.SettingsError, match="'../seed8', but must be a text such as 'seed1' or 'train/seed1' that stays"):
+        for path in farm.dataset(outside[:1] + jobs[:2] + outside[1:] + inside, client=cluster, folder=tmp_path):
+            made.append(path)
+    made.sort()
+    assert [os.path.relpath(path, tmp_path) for path in made] == ["seed0.npy", "seed1.npy", "train/a/seed9.npy"]
+    assert (tmp_path / "train/a/seed9.exr").exists() and not list(tmp_path.parent.glob("seed8*"))
+    assert not list(tmp_path.glob("seed8*"))
     first = os.stat(made[0]).st_mtime_ns
     assert len(list(farm.dataset(iter(jobs), client=cluster, folder=tmp_path))) == 3
     assert os.stat(made[0]).st_mtime_ns == first, "what is there is kept"
@@ -258,7 +311,7 @@ def test_a_data_set_is_continued(cluster, tmp_path):
     os.remove(made[1])
     jobs[:0] = [("broken", scene, dict(gate="1..2", spp=2)), ("missing", tmp_path / "missing.glb", {})]
     jobs += [("cw", scene, dict(cw="20", spp=2))]
-    abandoned = tmp_path / f".seed9.npy-x{_worker.PARTIAL}"
+    abandoned = tmp_path / f".seed9.npy-x{_files.PARTIAL}"
     abandoned.write_text("half")
     os.utime(abandoned, (0, 0))
     made = []

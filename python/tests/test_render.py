@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import taugate
-from conftest import SCENES, SIZE
+from conftest import SCENES, SIZE, room
+from taugate import _render
 
 BOX = SCENES / "cornell-box.glb"
 
@@ -150,6 +151,16 @@ def test_mistakes_of_python_are_explained(box):
         taugate.load("x.obj")
 
 
+def test_messages_do_not_command_the_terminal(box, tmp_path):
+    """Names of files, and keys in them, may hold characters that a terminal obeys."""
+    path = tmp_path / "a\x1b[2Jb.toml"
+    path.write_text('"key\\u001b[31m" = 1', encoding="utf-8")
+    for call in (lambda: taugate.load(path), lambda: taugate.load(tmp_path / "\x1b[2J.glb"), lambda: taugate.render(box, camera="\x9b2J")):
+        with pytest.raises(taugate.Error) as error:
+            call()
+        assert "\x1b" not in str(error.value) and "\x9b" not in str(error.value) and "\\u00" in str(error.value), error.value
+
+
 def test_no_driver_is_one_exception_that_names_the_remedy(tmp_path):
     code = "import taugate, sys; s = taugate.load(sys.argv[1]); s.info(); print('imported'); taugate.render(s, spp=1)"
     environment = {**os.environ, "VK_DRIVER_FILES": "/nowhere", "VK_ICD_FILENAMES": "/nowhere"}
@@ -172,6 +183,24 @@ def test_progress_is_reported_and_an_exception_in_it_ends_the_render(box):
         taugate.render(box, spp=1000, progress=stop)
     # The scene still works.
     assert taugate.render(box, spp=2).samples == 2
+
+
+@pytest.mark.parametrize("has_tqdm", [True, False])
+def test_a_progress_bar_shows_samples(has_tqdm, monkeypatch, capsys):
+    if has_tqdm:
+        pytest.importorskip("tqdm")
+    else:
+        monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with _render.watcher(True) as watch:
+        watch(0.25, 4, 1.0)
+        watch(1.0, 16, 4.0)
+    shown = capsys.readouterr().err
+    assert "100" in shown and "16 samples" in shown and shown.endswith("\n"), shown
+
+
+def test_progress_is_true_or_a_function(box):
+    with pytest.raises(taugate.SettingsError, match="must be True or a function"):
+        taugate.render(box, progress=3)
 
 
 def test_a_progress_function_cannot_use_its_scene(box):
@@ -251,6 +280,31 @@ def test_an_interrupt_keeps_the_image_of_a_response(box, tmp_path):
         taugate.render(box, response=f"a={table}", time=60, resolution=(256, 256))
     image = stopped.value.image
     assert image.samples > 0 and image.pixels.any()
+
+
+def test_a_render_goes_on_from_its_checkpoint(box, program, tmp_path):
+    path = tmp_path / "x.acc"
+    for call, settings in ((taugate.histogram, dict(gates="5m..9m/4")), (taugate.render, dict(gate="6m..7m"))):
+        path.unlink(missing_ok=True)
+        assert call(box, spp=4, checkpoint=path, every=1, **settings).samples == 4
+        more = call(box, spp=8, checkpoint=path, **settings)
+        assert any("going on after 4 samples" in note for note in more.notes)
+        assert np.array_equal(more.pixels, call(box, spp=8, **settings).pixels) and more.samples == 8
+    # The file has 8 samples, also for the program.
+    again = taugate.render(box, spp=12, resume=path, gate="6m..7m")
+    words = ["--gate", "6m..7m", "--resolution", "32x32", "--resume", "x.acc", "--spp", 12, "-o", "y.npy"]
+    code, text = program("render", BOX, *words)
+    assert code == 0 and "going on after 8 samples" in text, text
+    assert np.array_equal(again.pixels, np.load(tmp_path / "y.npy"))
+    for scene, mistake, message in (
+        (box, dict(gate="6m..8m", checkpoint=path), "are not the same render: .*6m..8m"),
+        (room(), dict(resume=path), "is in no file, so its render cannot be continued"),
+        (box, dict(every=5), "add --checkpoint"),
+        (box, dict(checkpoint="x.exr"), "must end in .acc"),
+    ):
+        with pytest.raises(taugate.SettingsError, match=message):
+            taugate.render(scene, **mistake)
+    assert [name.name for name in tmp_path.glob(".*")] == [], "a lock is left"
 
 
 @pytest.mark.parametrize("call", ["render(box, gate='5m..6m', spp=10000)", "histogram(box, gates='4m..8m/4', spp=10000)"])

@@ -61,6 +61,31 @@ def test_an_array_without_variances_leaves_no_older_variances(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["scan.json", "scan.npy"]
 
 
+def test_a_scan_that_cannot_be_written_leaves_the_older_files(tmp_path, monkeypatch):
+    h5py = pytest.importorskip("h5py")
+    points = [[0, 0, 0], [1, 0, 0]]
+    description = {"laser_points": points, "sensor_points": points, "laser_grid": None, "sensor_grid": None, "laser": [0, 0, 1]}
+    description |= {"sensor": [0, 0, 1], "start_opl": 0, "bin_width_opl": 1, "temporal_bins": 3, "version": "1", "unit": "W"}
+    scan = taugate.Scan(np.ones((3, 2), np.float32), {**description, "account_first_and_last_bounces": True})
+    scan.save(tmp_path / "scan.npy")
+    scan.to_tal(tmp_path / "scan.hdf5")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def half(file, *_):
+        (open(file, "wb") if isinstance(file, (str, os.PathLike)) else file).write(b"half")
+        raise OSError("no space left")
+
+    def fail(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(np, "save", half)
+    monkeypatch.setattr(h5py.File, "__setitem__", fail)
+    for write, name in ((scan.save, "scan.npy"), (scan.to_tal, "scan.hdf5")):
+        with pytest.raises(OSError, match="no space left"):
+            write(tmp_path / name)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 @pytest.mark.parametrize("points, shape", [(CONFOCAL, (10, 3, 2)), (EXHAUSTIVE, (10, 3, 2, 2, 4)), (SINGLE, (10, 3, 2))])
 def test_tal_opens_a_scan(tmp_path, points, shape):
     h5py = pytest.importorskip("h5py")

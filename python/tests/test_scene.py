@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import taugate
-from conftest import ROOT, SCENES, SIZE, agree, quad, room, shift
+from conftest import ROOT, SCENES, SIZE, add_speck, agree, quad, room, shift
 
 
 def test_a_lit_floor_has_the_radiance_of_the_formula():
@@ -161,7 +161,7 @@ def test_fog_and_lights_are_settings():
 def test_materials_and_textures():
     texture = np.zeros((2, 2, 3), np.uint8)
     texture[:, 0] = 255
-    scene = room()
+    scene = add_speck(room())
     uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     material = taugate.Material.diffuse(1.0, texture=texture)
     scene.add_mesh("board", *quad((0, 0, 0), (0.8, 0, 0), (0, 0.8, 0)), material, transform=shift(0, 1, 0), uvs=uvs)
@@ -195,6 +195,7 @@ def wall_albedo(texture, **material):
     scene = taugate.Scene(resolution=(24, 24))
     uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
     scene.add_mesh("wall", *quad(), taugate.Material.diffuse(1.0, texture=texture, **material), uvs=uvs)
+    add_speck(scene)
     scene.add_light("point", "lamp", (0, 0, 3), intensity=10.0)
     scene.add_camera("front", taugate.Camera.look_at((0, 0, 100), (0, 0, 0), fov=np.degrees(2 * np.arctan(0.01)), resolution=(24, 24)))
     return taugate.render(scene, spp=64, aov="albedo").albedo
@@ -231,7 +232,7 @@ def test_textures_have_filters_wrap_modes_and_transforms():
 
 def test_textures_of_roughness_change_the_image():
     def pixels(spp=16, **material):
-        scene = room()
+        scene = add_speck(room())
         uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
         scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)), taugate.Material.metal(0.8, **material), uvs=uvs)
         return taugate.render(scene, spp=spp).pixels.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3))
@@ -252,7 +253,7 @@ def test_textures_of_roughness_change_the_image():
 
 def test_textures_of_metalness_change_the_image():
     def pixels(**material):
-        scene = room()
+        scene = add_speck(room())
         uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
         scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)), taugate.Material(color=(0.8, 0.4, 0.2), **material), uvs=uvs)
         return taugate.render(scene, spp=16).pixels.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3))

@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use taugate::internals::image::accumulation::About;
 use taugate::internals::printable::escaped;
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::Budget;
@@ -31,6 +32,13 @@ pub struct Position {
 pub struct Before {
     pub samples: u64,
     pub seconds: f64,
+}
+
+impl Before {
+    /// What went into these sums.
+    pub fn of(about: &About) -> Before {
+        Before { samples: about.samples_per_pixel, seconds: about.seconds }
+    }
 }
 
 impl Position {

@@ -142,10 +142,10 @@ impl Session {
         check_outputs(&outputs)?;
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
-        let mut checkpoint = Checkpoint::new(&outputs)?;
+        let mut checkpoint = Checkpoint::new(outputs.checkpoint.as_ref())?;
         // The images of the render take the place of those that it continues.
         let free = memory::free();
-        let earlier = Earlier::read(&experiment, &outputs)?;
+        let earlier = Earlier::read(experiment.output.resume.as_deref(), outputs.checkpoint.as_ref())?;
         // There is no result to keep yet.
         self.interrupts.end_the_process_at(Interrupt::First);
 
@@ -208,7 +208,7 @@ impl Session {
         let Ready { renderer, scene, warnings: of_surfaces, .. } = &mut ready;
 
         // Render.
-        let before = earlier.as_ref().map_or(Before::default(), Earlier::work);
+        let before = earlier.as_ref().map_or(Before::default(), |earlier| Before::of(&earlier.sums.about));
         if let Some(mut earlier) = earlier {
             layers.add_missing(take(&mut earlier.sums.layers));
             self.progress.line(&earlier.describe());
@@ -228,8 +228,10 @@ impl Session {
             if let Some(live) = &mut live {
                 live.update(renderer, progress);
             }
-            if let (Some(checkpoint), Some(identity)) = (&mut checkpoint, &identity) {
-                checkpoint.update(identity, renderer, &layers, seconds, progress);
+            if let (Some(checkpoint), Some(identity)) = (&mut checkpoint, &identity)
+                && let Err(error) = checkpoint.update(identity, renderer, &layers, seconds)
+            {
+                progress.line(&format!("warning: {error}; the render goes on, and tries it again later"));
             }
         };
         let iterations = Iterations { settings, shard, before, strict, stop };

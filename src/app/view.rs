@@ -34,7 +34,7 @@ use super::interrupts::{Interrupt, Interrupts};
 use super::render;
 use crate::app::cli::ViewArgs;
 use board::Board;
-use client::Shared;
+use client::{Patience, Shared};
 use engine::{Command, Engine, Work};
 use message::Report;
 use signpost::Signpost;
@@ -130,7 +130,14 @@ fn serve_until_interrupt(
 ) -> anyhow::Result<()> {
     let (end, ended) = watch::channel(false);
     let (board, stop) = (engine.board.clone(), engine.stop.clone());
-    let shared = Arc::new(Shared { token, board: board.clone(), engine: sender.clone(), stop: stop.clone(), ended });
+    let shared = Arc::new(Shared {
+        token,
+        board: board.clone(),
+        engine: sender.clone(),
+        stop: stop.clone(),
+        ended,
+        patience: Patience::default(),
+    });
     let is_over = Arc::new(AtomicBool::new(false));
     let over = OnDrop(is_over.clone());
     let rendering = std::thread::Builder::new().name("render".into()).spawn(move || {

@@ -59,6 +59,22 @@ impl ResponseFilm {
         }
     }
 
+    /// The sums of w x and of w x^2 of a pixel and response; without variances, `None` in place of the sums of w x^2.
+    pub(crate) fn sums_of(&self, pixel: u32, response: u32) -> ([f64; 3], Option<[f64; 3]>) {
+        let at = 3 * (pixel as usize * self.responses + response as usize);
+        let three = |values: &[f64]| [values[at], values[at + 1], values[at + 2]];
+        (three(&self.sums), self.has_variance().then(|| three(&self.squares)))
+    }
+
+    /// Replaces the sums of a pixel and response with those of [`ResponseFilm::sums_of`].
+    pub(crate) fn set(&mut self, pixel: u32, response: u32, sums: [f64; 3], squares: Option<[f64; 3]>) {
+        let at = 3 * (pixel as usize * self.responses + response as usize);
+        self.sums[at..at + 3].copy_from_slice(&sums);
+        if let Some(squares) = squares {
+            self.squares[at..at + 3].copy_from_slice(&squares);
+        }
+    }
+
     /// Ends an iteration. Pixels and responses without light in it count as black.
     pub(crate) fn end_iteration(&mut self, samples: u32) {
         self.samples += u64::from(samples);

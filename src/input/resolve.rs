@@ -15,7 +15,7 @@ use crate::settings::units::{Gate, GatePrecision};
 use crate::settings::values::Resolution;
 use crate::settings::*;
 
-pub use outputs::{Outputs, check_shard, outputs};
+pub use outputs::{Outputs, check_shard, checkpoint, outputs};
 
 /// The settings of a render, and warnings for the user.
 #[derive(Debug, Clone)]

@@ -209,14 +209,14 @@ impl Renderer {
     /// `samples` samples per pixel: in every pixel, or on average if the sampling is adaptive. `samples` is 1 to 16, for a camera with
     /// aimed rays 1 to 1024. Fails if it is out of range or if a buffer does not fit the device. Also fails if the device is lost, or if
     /// its counts contradict each other. After an error the film is as before. But a render of several responses begins
-    /// anew if a part of the iteration is in its images; then [`Film::samples`] is 0.
+    /// anew if the iteration has already changed over 4 million pixels of its images; then [`Film::samples`] is 0.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         self.iterate_unless(samples, &Arc::default()).map(drop)
     }
 
     /// As [`Renderer::iterate`], but gives up soon after `stop` has become true. Returns whether the iteration was added to the
-    /// film. If not, the film is as before, and the next call renders the same iteration. A render of several responses begins
-    /// anew instead if a part of the iteration is in its images.
+    /// film. If not, the film is as before, and the next call renders the same iteration. A render of several responses may begin
+    /// anew instead, see [`Renderer::iterate`].
     #[doc(hidden)]
     pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
         let max = self.plan.max_samples();
@@ -234,7 +234,7 @@ impl Renderer {
         let done = self.render_iteration(samples, stop);
         if !matches!(done, Ok(true)) {
             self.stats = before;
-            if self.responses.as_ref().is_some_and(ResponseSums::has_part) {
+            if self.responses.as_mut().is_some_and(|responses| !responses.restore()) {
                 self.clear();
             }
         }
@@ -355,8 +355,8 @@ impl Renderer {
         self.responses.as_ref().map(ResponseSums::film).filter(|film| film.responses() > 1)
     }
 
-    /// Whether iterations divide their light into responses: several, or a shaped one. An abandoned iteration may then clear all
-    /// images.
+    /// Whether iterations divide their light into responses: several, or a shaped one. An abandoned iteration of a large image may then
+    /// clear all images.
     #[doc(hidden)]
     pub fn has_responses(&self) -> bool {
         self.responses.is_some()
@@ -378,15 +378,6 @@ impl Renderer {
     #[doc(hidden)]
     pub fn has_response_variance(&self) -> bool {
         self.responses.as_ref().is_some_and(|responses| responses.film().has_variance())
-    }
-
-    /// Minimum and maximum number of samples of a pixel of the crop so far. Both equal [`Film::samples`] if the sampling is
-    /// uniform.
-    pub fn samples_in_pixels(&self) -> [u64; 2] {
-        match &self.allocation {
-            Some(allocation) if !self.plan.dark => allocation.range(),
-            _ => [self.film.samples(); 2],
-        }
     }
 
     /// Size of the scene's device buffers in bytes.

@@ -137,22 +137,27 @@ pub struct ResponseSums {
     samples: u32,
     /// Whether a part of the iteration is in the images.
     has_part: bool,
+    replaced: Replaced,
 }
 
 impl ResponseSums {
     pub fn new(plan: &Plan, has_variance: bool) -> ResponseSums {
         let film = ResponseFilm::new(plan.crop_pixels as usize, plan.responses.len(), has_variance);
         let weights = Weights::new(&plan.responses, &plan.space);
-        ResponseSums { film, weights, total: vec![], splats: vec![], samples: 0, has_part: false }
+        let replaced = Replaced::default();
+        ResponseSums { film, weights, total: vec![], splats: vec![], samples: 0, has_part: false, replaced }
     }
 
     pub fn film(&self) -> &ResponseFilm {
         &self.film
     }
 
-    /// Whether a part of an iteration is in the images, but not the whole iteration. If so, the images cannot be used.
-    pub fn has_part(&self) -> bool {
-        self.has_part
+    /// Ends an iteration that is not complete: the images become those before it. Returns false if too much was replaced in them; they
+    /// cannot be used then.
+    pub fn restore(&mut self) -> bool {
+        let can_restore = !self.has_part || self.replaced.put_back(&mut self.film);
+        self.has_part = !can_restore;
+        can_restore
     }
 
     /// Goes on from the images of earlier iterations.
@@ -164,6 +169,7 @@ impl ResponseSums {
     pub fn begin(&mut self, mut splats: Vec<Arrival>, samples: u32) {
         splats.par_sort_by_key(|splat| splat.pixel);
         (self.splats, self.samples) = (splats, samples);
+        self.replaced.clear();
         self.total.clear();
         self.total.resize(3 * self.film.pixels(), 0.0);
     }
@@ -187,7 +193,10 @@ impl ResponseSums {
                 for k in 0..3 {
                     self.total[3 * pixel as usize + k] = sums.iter().map(|(_, rgb)| rgb[k]).sum::<f64>() as f32;
                 }
-                sums.into_iter().for_each(|(response, rgb)| self.film.add(pixel, response, rgb, self.samples));
+                for (response, rgb) in sums {
+                    self.replaced.note(&self.film, pixel, response);
+                    self.film.add(pixel, response, rgb, self.samples);
+                }
             }
         }
     }
@@ -208,6 +217,51 @@ impl ResponseSums {
         let begin = self.splats.partition_point(|splat| splat.pixel < pixel);
         let count = self.splats[begin..].iter().take_while(|splat| splat.pixel == pixel).count();
         &self.splats[begin..begin + count]
+    }
+}
+
+/// What the present iteration has replaced in the images.
+#[derive(Default)]
+struct Replaced {
+    /// Pixel, response, and the sums of w x before.
+    sums: Vec<(u32, u32, [f64; 3])>,
+    /// The sums of w x^2 before, in the same order; empty without variances.
+    squares: Vec<[f64; 3]>,
+    /// Whether there was more than [`MAX_REPLACED`].
+    is_too_much: bool,
+}
+
+/// Most pixels and responses for which an iteration keeps what it replaces. They take 128 MiB, or 224 MiB with variances.
+const MAX_REPLACED: usize = 1 << 22;
+
+impl Replaced {
+    fn clear(&mut self) {
+        self.sums.clear();
+        self.squares.clear();
+        self.is_too_much = false;
+    }
+
+    /// Notes what `film` has for a pixel and a response.
+    fn note(&mut self, film: &ResponseFilm, pixel: u32, response: u32) {
+        self.is_too_much |= self.sums.len() >= MAX_REPLACED;
+        if !self.is_too_much {
+            let (sums, squares) = film.sums_of(pixel, response);
+            self.sums.push((pixel, response, sums));
+            self.squares.extend(squares);
+        }
+    }
+
+    /// Undoes all changes of `film` that were noted. Returns false, and changes nothing, if some were not.
+    fn put_back(&mut self, film: &mut ResponseFilm) -> bool {
+        if self.is_too_much {
+            return false;
+        }
+        let squares = self.squares.iter().copied().map(Some).chain(std::iter::repeat(None));
+        for (&(pixel, response, sums), squares) in self.sums.iter().zip(squares) {
+            film.set(pixel, response, sums, squares);
+        }
+        self.clear();
+        true
     }
 }
 
@@ -271,6 +325,27 @@ mod tests {
             };
             let wanted = arrivals.iter().map(term).reduce(|a, b| [0, 1, 2].map(|k| a[k] + b[k]));
             assert_eq!(Some(sum), wanted, "response {response}");
+        }
+    }
+
+    #[test]
+    fn an_incomplete_iteration_is_undone() {
+        for has_variance in [false, true] {
+            let mut film = ResponseFilm::new(2, 3, has_variance);
+            film.add(0, 1, [0.1, 1e9, 1e-9], 3);
+            film.end_iteration(3);
+            let sums = |film: &ResponseFilm| [0, 1, 2, 3, 4, 5].map(|i| film.sums_of(i / 3, i % 3));
+            let before = sums(&film);
+            let mut replaced = Replaced::default();
+            for (pixel, response) in [(0, 1), (1, 2)] {
+                replaced.note(&film, pixel, response);
+                film.add(pixel, response, [1e12, 0.3, 0.7], 8);
+            }
+            assert_ne!(sums(&film), before);
+            assert!(replaced.put_back(&mut film));
+            assert_eq!(sums(&film), before);
+            replaced.is_too_much = true;
+            assert!(!replaced.put_back(&mut film));
         }
     }
 

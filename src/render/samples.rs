@@ -2,8 +2,11 @@
 
 use rayon::prelude::*;
 
+use super::Renderer;
 use super::emitters::luminance;
 use crate::image::accumulation::AdaptiveState;
+#[cfg(doc)]
+use crate::image::film::Film;
 
 /// Maximum number of samples per pixel in one iteration, averaged over the pixels.
 pub const MAX_AVERAGE_SAMPLES: u32 = 16;
@@ -119,12 +122,6 @@ impl Allocation {
         self.iterations += 1;
     }
 
-    /// Minimum and maximum over the pixels of the samples so far.
-    pub fn range(&self) -> [u64; 2] {
-        let samples = || self.pixels.iter().map(|pixel| pixel.samples as u64);
-        [samples().min().unwrap_or(0), samples().max().unwrap_or(0)]
-    }
-
     /// Counts for an iteration with `samples` samples per pixel on average. Their sum differs from `samples` times the number
     /// of pixels by at most two. Each count is proportional to the square root of variance / luminance^2, within bounds. Both
     /// values are estimated over 3 x 3 pixels. This minimises the mean relative error: the sum of variance / (count
@@ -183,6 +180,26 @@ impl Allocation {
             count as u8
         };
         SampleCounts::PerPixel(shares.map(round).collect())
+    }
+}
+
+#[warn(missing_docs)]
+impl Renderer {
+    /// Minimum and maximum number of samples of a pixel of the crop so far. Both equal [`Film::samples`] if the sampling is
+    /// uniform.
+    pub fn samples_in_pixels(&self) -> [u64; 2] {
+        let samples = self.samples_of_pixels();
+        let average = self.film.samples();
+        [samples.iter().min().map_or(average, |&n| n.into()), samples.iter().max().map_or(average, |&n| n.into())]
+    }
+
+    /// Number of samples of each pixel of the crop so far, row-major; empty if each has [`Film::samples`].
+    #[doc(hidden)]
+    pub fn samples_of_pixels(&self) -> Vec<u32> {
+        match &self.allocation {
+            Some(allocation) if !self.plan.dark => allocation.pixels.iter().map(|pixel| pixel.samples as u32).collect(),
+            _ => vec![],
+        }
     }
 }
 

@@ -6,7 +6,8 @@
 //! * `sh fails`: run the commands; they must fail, and their message must contain the text of the next block.
 //! * `sh no-run`: nothing. For commands that take minutes, install something or need cargo. The tests check their number.
 //! * `toml NAME` and `csv NAME`: write the block to the file NAME, which later commands read.
-//! * `text`, `json`, `python`: nothing.
+//! * `text`, `json`: nothing.
+//! * `python`: nothing. `python/tests/test_docs.py` runs them.
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

@@ -166,6 +166,22 @@ fn a_refused_change_keeps_the_image_of_several_gates() {
     }
 }
 
+#[test]
+fn a_change_opens_a_lost_device_again() {
+    let here = room();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+    command.env("TAUGATE_LOST_AFTER", "400");
+    let small = ["--resolution", "8x8", "--light-paths", "100", "--max-depth", "4"];
+    let viewer = Viewer::start_by(&mut command, here.path(), &small);
+    let mut page = viewer.page();
+    let failed = page.wait("failed", |_| true);
+    let message = failed["message"].as_str().unwrap();
+    assert!(message.contains("was lost") && message.contains("change a setting"), "{message}");
+    page.last.remove("failed");
+    page.set(json!({"seed": "1"}));
+    page.wait_for_picture(|picture| picture.revision == 2 && picture.samples > 0);
+}
+
 /// Nothing is replaced, not even the variances of an array that is gone.
 #[test]
 fn saved_arrays_have_variances() {

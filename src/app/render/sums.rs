@@ -11,14 +11,11 @@ use taugate::internals::image::accumulation::{self, About, Accumulation};
 use taugate::internals::image::fingerprint;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::input::resolve::Outputs;
 use taugate::internals::render::Renderer;
 use taugate::internals::render::schedule::{iterations_of, samples_in};
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Budget, Settings};
-
-use super::super::progress::{Before, Progress};
 
 /// A write of the sums takes at most this fraction of the time of a render.
 const MAX_SHARE: f64 = 0.01;
@@ -98,9 +95,9 @@ pub struct Earlier {
 
 impl Earlier {
     /// Reads the file of --resume, or the file of --checkpoint if it exists. Fails if these are two different files.
-    pub fn read(experiment: &Experiment, outputs: &Outputs) -> Result<Option<Earlier>> {
-        let checkpoint = outputs.checkpoint.as_ref().map(|(path, _)| path).filter(|path| path.exists());
-        let path = match (&experiment.output.resume, checkpoint) {
+    pub fn read(resume: Option<&Path>, checkpoint: Option<&(PathBuf, f64)>) -> Result<Option<Earlier>> {
+        let checkpoint = checkpoint.map(|(path, _)| path.as_path()).filter(|path| path.exists());
+        let path = match (resume, checkpoint) {
             (Some(resume), Some(checkpoint)) if !is_same(resume, checkpoint) => {
                 return Err(Error::Settings(format!(
                     "--resume would go on from {}, and --checkpoint from {}, which exists: keep one, or choose another name",
@@ -111,7 +108,7 @@ impl Earlier {
             (Some(path), _) | (None, Some(path)) => path,
             (None, None) => return Ok(None),
         };
-        Ok(Some(Earlier { path: path.clone(), sums: file::read(path)? }))
+        Ok(Some(Earlier { path: path.into(), sums: file::read(path)? }))
     }
 
     /// The shard to render: the shard of the flag, else the shard of the sums. Fails if the two differ.
@@ -143,11 +140,6 @@ impl Earlier {
             ))),
             false => Ok(()),
         }
-    }
-
-    /// The samples and seconds in the sums.
-    pub fn work(&self) -> Before {
-        Before { samples: self.sums.about.samples_per_pixel, seconds: self.sums.about.seconds }
     }
 
     /// A line that says after how many samples and iterations the render goes on.
@@ -206,9 +198,10 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// The checkpoint of these outputs; `None` without one. Fails if another render writes the same file.
-    pub fn new(outputs: &Outputs) -> Result<Option<Checkpoint>> {
-        let Some((path, seconds)) = &outputs.checkpoint else { return Ok(None) };
+    /// The checkpoint with this file and these seconds between two writes; `None` without one. Fails if another render writes the same
+    /// file.
+    pub fn new(wanted: Option<&(PathBuf, f64)>) -> Result<Option<Checkpoint>> {
+        let Some((path, seconds)) = wanted else { return Ok(None) };
         let every = Duration::try_from_secs_f64(*seconds).unwrap_or(Duration::MAX);
         let lock = Lock::new(path)?;
         Ok(Some(Checkpoint { path: path.clone(), every, last: Instant::now(), took: Duration::ZERO, _lock: lock }))
@@ -218,23 +211,15 @@ impl Checkpoint {
         &self.path
     }
 
-    /// Writes the sums if it is time. If they cannot be written, prints a warning, and the render goes on.
-    pub fn update(
-        &mut self,
-        identity: &Identity,
-        renderer: &Renderer,
-        layers: &Layers,
-        seconds: f64,
-        progress: &Progress,
-    ) {
+    /// Writes the sums if it is time. If they cannot be written, the next call tries it again after the same pause.
+    pub fn update(&mut self, identity: &Identity, renderer: &Renderer, layers: &Layers, seconds: f64) -> Result<()> {
         let pause = self.every.max(self.took.div_f64(MAX_SHARE));
         if self.last.elapsed() < pause {
-            return;
+            return Ok(());
         }
         let start = Instant::now();
-        if let Err(error) = identity.write(&self.path, renderer, layers, seconds) {
-            progress.line(&format!("warning: {error}; the render goes on, and tries it again later"));
-        }
+        let written = identity.write(&self.path, renderer, layers, seconds);
         (self.last, self.took) = (Instant::now(), start.elapsed());
+        written
     }
 }

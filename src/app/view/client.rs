@@ -1,5 +1,8 @@
 //! One connection with a page.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::BTreeMap;
 use std::future::poll_fn;
 use std::sync::Arc;
@@ -20,15 +23,26 @@ use super::message::{Change, Layer, Pixel, Report, Request};
 use super::picture::BETWEEN_PICTURES;
 use super::{Answers, board::Surfaces, stage};
 
-/// A page must send the token within this time.
-const HELLO: Duration = Duration::from_secs(5);
-/// A page that does not take what was sent within this time, plus [`SECONDS_PER_BYTE`], is dropped.
-const SEND: Duration = Duration::from_secs(20);
-/// A page that does not acknowledge a picture within this time, plus [`SECONDS_PER_BYTE`], is dropped. After the program has sent a
-/// picture, much of it may still wait on the way.
+/// How long the program waits for a page.
+pub struct Patience {
+    /// A page must send the token within this time.
+    pub hello: Duration,
+    /// A page that does not take what was sent within this time, plus `seconds_per_byte`, is dropped.
+    pub send: Duration,
+    /// Of the slowest link that shows pictures.
+    pub seconds_per_byte: f64,
+}
+
+impl Default for Patience {
+    fn default() -> Patience {
+        // The slowest link has 0.5 Mbit/s. Also in link.js.
+        Patience { hello: Duration::from_secs(5), send: Duration::from_secs(20), seconds_per_byte: 8.0 / 0.5e6 }
+    }
+}
+
+/// A page that does not acknowledge a picture within this time, plus [`Patience::seconds_per_byte`], is dropped. After the program has
+/// sent a picture, much of it may still wait on the way.
 const ACK: Duration = Duration::from_secs(60);
-/// Of the slowest link that shows pictures, with 0.5 Mbit/s. Also in link.js.
-const SECONDS_PER_BYTE: f64 = 8.0 / 0.5e6;
 /// A larger picture is announced, so that the page does not take the connection for dead while the picture arrives.
 const LARGE: usize = 1 << 20;
 /// If nothing was sent for this time, a sign of life is sent.
@@ -57,6 +71,7 @@ pub struct Shared {
     pub stop: Arc<AtomicBool>,
     /// True when the program ends.
     pub ended: watch::Receiver<bool>,
+    pub patience: Patience,
 }
 
 /// Why a connection ends.
@@ -78,7 +93,7 @@ pub async fn run(mut socket: WebSocket, shared: Arc<Shared>) {
     let Err(end) = Client::greet(&mut socket, &shared).await;
     if let End::Close(code, reason) = end {
         let frame = CloseFrame { code, reason: Utf8Bytes::from_static(reason) };
-        let _ = timeout(SEND, socket.send(Message::Close(Some(frame)))).await;
+        let _ = timeout(shared.patience.send, socket.send(Message::Close(Some(frame)))).await;
     }
 }
 
@@ -110,7 +125,7 @@ struct Client<'a> {
 
 impl Client<'_> {
     async fn greet(socket: &mut WebSocket, shared: &Shared) -> Result<std::convert::Infallible, End> {
-        let hello = match timeout(HELLO, socket.recv()).await {
+        let hello = match timeout(shared.patience.hello, socket.recv()).await {
             Ok(Some(Ok(Message::Text(text)))) => Request::parse(&text),
             Ok(Some(Ok(_))) => Err(String::new()),
             Ok(_) => return Err(End::Gone),
@@ -338,9 +353,10 @@ impl Client<'_> {
         };
         let now = Instant::now();
         self.spoken = now;
-        let least = now + SEND + Duration::from_secs_f64(bytes as f64 * SECONDS_PER_BYTE);
+        let Patience { send, seconds_per_byte, .. } = self.shared.patience;
+        let least = now + send + Duration::from_secs_f64(bytes as f64 * seconds_per_byte);
         self.sending = Some(self.sending.map_or(least, |until| until.max(least)));
-        match timeout(SEND, self.socket.feed(message)).await {
+        match timeout(send, self.socket.feed(message)).await {
             Ok(Ok(())) => Ok(()),
             _ => Err(End::Gone),
         }
@@ -365,7 +381,7 @@ impl Client<'_> {
             response: picture.response_shown(Layer::Mean, self.response),
             radiance: three(picture.shown(self.response)),
             error: has_error.then(|| three(&picture.variance).map(f32::sqrt)),
-            samples: picture.samples,
+            samples: picture.samples_at(at),
             depth: surface.as_ref().map(|(depth, _)| *depth),
             object: surface.map(|(_, object)| object),
             histogram: picture.histogram(at),

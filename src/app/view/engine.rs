@@ -2,6 +2,7 @@
 //! the full image it listens, and ends the iteration early for a command that needs this.
 
 mod iteration;
+mod lost;
 mod probed;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -241,7 +242,8 @@ impl Engine {
     fn fail(&mut self, message: &str) -> Next {
         self.work.renderers = None;
         self.work.failed = true;
-        self.board.report(Topic::Failed, &Report::Failed { message: message.into() });
+        let remedy = if self.device.is_lost() { lost::REMEDY } else { "" };
+        self.board.report(Topic::Failed, &Report::Failed { message: format!("{message}{remedy}") });
         Next::Wait
     }
 
@@ -273,6 +275,7 @@ impl Engine {
     fn prepare(&mut self, previews: usize) -> Result<Next> {
         // Free the old scene first, so that the device never holds two copies.
         self.work.renderers = None;
+        self.reopen_lost_device()?;
         let renderers = Renderers::new(&self.device, self.stage.scene(), &self.stage.view().settings)?;
         let work = &mut self.work;
         (work.moved, work.previews) = (None, previews.min(renderers.previews.len()));

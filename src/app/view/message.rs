@@ -221,6 +221,7 @@ pub struct Pixel {
     pub radiance: [f32; 3],
     /// Standard errors; None before two iterations, and with several responses.
     pub error: Option<[f32; 3]>,
+    /// Number of samples of this pixel.
     pub samples: u64,
     /// Length of the camera ray in metres; None if the pixel shows no surface, or if it is not known yet.
     pub depth: Option<f32>,

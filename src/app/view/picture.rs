@@ -26,6 +26,8 @@ pub struct Picture {
     pub size: [u32; 2],
     /// Samples per pixel, on average.
     pub samples: u64,
+    /// Samples of each pixel; empty if each has the average.
+    pub samples_of_pixels: Vec<u32>,
     /// Means of the sum of all responses.
     pub mean: Vec<f32>,
     /// Variances of `mean`; empty before two iterations.
@@ -50,6 +52,7 @@ impl Picture {
             revision,
             size: [film.width(), film.height()],
             samples: film.samples(),
+            samples_of_pixels: renderer.samples_of_pixels(),
             mean,
             variance,
             count: count as u32,
@@ -86,6 +89,11 @@ impl Picture {
             (i < full).then(|| (u64::from(i) * u64::from(size) / u64::from(full)) as usize)
         };
         Some(3 * (scaled(y, height, full[1])? * width as usize + scaled(x, width, full[0])?))
+    }
+
+    /// Number of samples of the pixel whose first channel is `at`.
+    pub fn samples_at(&self, at: usize) -> u64 {
+        self.samples_of_pixels.get(at / 3).map_or(self.samples, |&samples| samples.into())
     }
 
     /// Luminances of the pixel whose first channel is `at`, in each response. `None` if `responses` is empty.
@@ -164,6 +172,7 @@ mod tests {
             revision: 7,
             size: [2, 1],
             samples: 5,
+            samples_of_pixels: vec![],
             mean: vec![1e-9, 2e-9, 3e-9, 0.0, 0.5e-9, 12e-9],
             variance: vec![1e-20; 6],
             count: 1,
@@ -221,6 +230,9 @@ mod tests {
             [at(0, 0), at(4, 3), at(5, 0), at(9, 3), at(10, 0), at(0, 4)],
             [Some(0), Some(0), Some(3), Some(3), None, None]
         );
+        let samples = |picture: &Picture| [0, 3].map(|at| picture.samples_at(at));
+        assert_eq!(samples(&picture), [5, 5]);
+        assert_eq!(samples(&Picture { samples_of_pixels: vec![2, 8], ..picture }), [2, 8]);
     }
 
     #[test]

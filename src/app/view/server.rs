@@ -29,7 +29,7 @@ use super::page;
 /// Where the page is served unless the user says otherwise.
 const DEFAULT: SocketAddr = SocketAddr::new(IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 8642);
 /// Maximum size of a message of the page in bytes.
-const MAX_MESSAGE: usize = 16 << 10;
+pub const MAX_MESSAGE: usize = 16 << 10;
 /// Maximum number of pages.
 const MAX_PAGES: usize = 64;
 /// Maximum number of connections that have not sent the token yet. Each has 5 seconds for that.

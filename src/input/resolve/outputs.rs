@@ -192,7 +192,7 @@ pub fn check_shard(shard: Shard, outputs: &Outputs) -> Result<()> {
 }
 
 /// The file of --checkpoint and the seconds between two writes. Fails if flags of long renders do not fit together.
-fn checkpoint(wanted: &OutputTable) -> Result<Option<(PathBuf, f64)>> {
+pub fn checkpoint(wanted: &OutputTable) -> Result<Option<(PathBuf, f64)>> {
     let is_acc = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("acc"));
     for (flag, path) in [("checkpoint", &wanted.checkpoint), ("resume", &wanted.resume)] {
         if let Some(path) = path.as_ref().filter(|path| !is_acc(path)) {

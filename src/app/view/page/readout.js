@@ -40,7 +40,7 @@ export function makeReadout(link, picture, { onHistogram }) {
     if (isThis) {
       radiance.textContent = `${values(answer.radiance, answer.error)} W/(m² sr)`;
       more.textContent = [
-        `${short(answer.samples, 6)} samples on average`,
+        `${short(answer.samples, 6)} samples`,
         answer.depth === null ? '' : `depth ${quantity(answer.depth)} m`,
         answer.object ?? '',
       ].filter(Boolean).join(' · ');
