@@ -168,6 +168,18 @@ fn rotations_and_weights_may_be_normalized_integers() {
     assert!(x.abs_diff_eq(DVec3::NEG_X, 1e-6), "{x}");
 }
 
+#[test]
+fn animations_of_one_name_are_numbered() {
+    let mut glb = animated("translation", "LINEAR", &[0.0, 1.0], &[[0.0; 3], [1.0, 0.0, 0.0]]);
+    add(&mut glb, "translation", "LINEAR", &[0.0, 1.0], &[[0.0; 3], [5.0, 0.0, 0.0]]);
+    for (name, x) in [("translation-LINEAR", 1.0), ("translation-LINEAR#2", 5.0)] {
+        let alone = Playback { animation: Some(name), ..playback(1.0) };
+        assert_eq!(posed(&glb, alone).unwrap().instances[0].transform.translation.x, x, "{name}");
+    }
+    let error = posed(&glb, playback(1.0)).unwrap_err();
+    assert!(error.contains("`translation-LINEAR` and `translation-LINEAR#2` both move"), "{error}");
+}
+
 /// A file that animates only properties of materials and cameras has no end: its nodes keep their pose.
 #[test]
 fn animations_end_with_the_last_key_of_a_node() {
