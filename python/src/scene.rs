@@ -435,5 +435,5 @@ fn arrivals(job: &Job) -> Result<(Option<[f64; 5]>, Option<String>)> {
     };
     let percentile = |percent| times.percentile(percent).unwrap_or(f64::NAN);
     let found = times.range().map(|(first, last)| [first, percentile(5.0), percentile(50.0), percentile(95.0), last]);
-    Ok((found, feasible::suggestion(&times, &job.scene, feasible::MEDIAN).map(|gate| gate.to_string())))
+    Ok((found, feasible::suggestion(&times, &job.scene, settings, feasible::MEDIAN).map(|gate| gate.to_string())))
 }
