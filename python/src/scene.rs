@@ -254,7 +254,7 @@ impl NativeScene {
         let Job { experiment, scene, resolved, printed, .. } = state.job(flags)?;
         let settings = &resolved.settings;
         let has_variance = settings.responses().len() > 1 && experiment.output.variance.unwrap_or(false);
-        memory::check(settings, has_variance, memory::free())?;
+        memory::check(settings, memory::Made { variance: has_variance, exr: false }, memory::free())?;
         let before = state.ready.take();
         let result = engine::prepare(before, scene, &experiment, settings, has_variance).and_then(
             |Prepared { mut ready, .. }| {
@@ -448,5 +448,5 @@ fn arrivals(job: &Job) -> Result<(Option<[f64; 5]>, Option<String>)> {
     };
     let percentile = |percent| times.percentile(percent).unwrap_or(f64::NAN);
     let found = times.range().map(|(first, last)| [first, percentile(5.0), percentile(50.0), percentile(95.0), last]);
-    Ok((found, feasible::suggestion(&times, &job.scene, feasible::MEDIAN).map(|gate| gate.to_string())))
+    Ok((found, feasible::suggestion(&times, &job.scene, settings, feasible::MEDIAN).map(|gate| gate.to_string())))
 }

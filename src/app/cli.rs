@@ -239,8 +239,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = DETECT_EXAMPLES)]
 pub struct DetectArgs {
-    /// The light: an array (.npy), an image (.exr) or sums (.acc) that taugate rendered with gates; watts of its lamps count as joules per
-    /// pulse
+    /// The light: an array or a scan (.npy), an image (.exr) or sums (.acc) that taugate rendered with gates; watts of its lamps count as
+    /// joules per pulse
     #[arg(value_name = "LIGHT")]
     pub input: PathBuf,
 

@@ -3,12 +3,13 @@
 use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
+use taugate::internals::input::resolve;
 use taugate::internals::render::{PreparedScene, TravelTimeBounds, TravelTimes, black_backs, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::{Gate, METRES_PER_NS};
 
-/// Width of a suggested gate as a fraction of the scene's diagonal.
+/// Least width of a suggested gate as a fraction of the scene's diagonal.
 pub const SUGGESTED_PART: f64 = 0.02;
 
 /// Fails if the travel-time bounds show that no path can meet the gate.
@@ -67,7 +68,7 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
     if let Some(backs) = probed.and_then(|probed| probed.backs.as_ref()) {
         message += &format!("; {backs}");
     }
-    if let Some(gate) = times.and_then(|t| suggestion(t, scene, MEDIAN)) {
+    if let Some(gate) = times.and_then(|t| suggestion(t, scene, settings, MEDIAN)) {
         message += &format!("; try --gate {gate}");
     }
     Error::Settings(format!("{message} (--force renders anyway)"))
@@ -76,10 +77,18 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
 /// The percentile of the suggested gate.
 pub const MEDIAN: f64 = 50.0;
 
-/// A gate around the time at which `percent` of the light has arrived, [`SUGGESTED_PART`] of the scene's diagonal wide.
-pub fn suggestion(times: &TravelTimes, scene: &Scene, percent: f64) -> Option<Gate> {
+/// A gate around the time at which `percent` of the light has arrived. It is [`SUGGESTED_PART`] of the scene's diagonal wide, or wider
+/// if 32-bit travel times need it.
+pub fn suggestion(times: &TravelTimes, scene: &Scene, settings: &Settings, percent: f64) -> Option<Gate> {
     let (low, high) = bounds(scene)?;
-    times.gate_at(percent, SUGGESTED_PART * (high - low).length())
+    let mut width = SUGGESTED_PART * (high - low).length();
+    loop {
+        let gate = times.gate_at(percent, width)?;
+        if resolve::is_fine(&gate, scene, settings) {
+            return Some(gate);
+        }
+        width *= 2.0;
+    }
 }
 
 /// World-space bounds of all instances, in metres; `None` without triangles.

@@ -282,7 +282,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         },
     };
     let light = match &times {
-        Some(Ok(times)) => light(times, scene),
+        Some(Ok(times)) => light(times, scene, settings),
         _ => None,
     };
     if let Some(plot) = &args.plot {
@@ -352,14 +352,14 @@ fn memory(plan: &MemoryPlan, device: Option<&DeviceInfo>) -> Memory {
     }
 }
 
-fn light(times: &TravelTimes, scene: &Scene) -> Option<Light> {
+fn light(times: &TravelTimes, scene: &Scene, settings: &Settings) -> Option<Light> {
     let (first, last) = times.range()?;
     let percentiles = PERCENTILES.iter().filter_map(|&p| Some(arrival(p, times.percentile(p)?)));
     Some(Light {
         first: arrival(0.0, first),
         last: arrival(100.0, last),
         percentiles: percentiles.collect(),
-        suggested_gate: feasible::suggestion(times, scene, feasible::MEDIAN).map(|gate| gate.to_string()),
+        suggested_gate: feasible::suggestion(times, scene, settings, feasible::MEDIAN).map(|gate| gate.to_string()),
     })
 }
 

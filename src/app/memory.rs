@@ -9,14 +9,32 @@ use taugate::internals::settings::Settings;
 
 const GIB: f64 = (1u64 << 30) as f64;
 
+/// What a render makes of the images of several gates, beside their sums.
+#[derive(Debug, Clone, Copy)]
+pub struct Made {
+    /// Sums of squares, for variances.
+    pub variance: bool,
+    /// An image file (.exr).
+    pub exr: bool,
+}
+
+impl Made {
+    /// Bytes of host memory for the images of `count` gates.
+    fn bytes(self, pixels: u64, count: u64) -> u64 {
+        let film = ResponseFilm::bytes(pixels, count, self.variance);
+        // Before an image file is written, all its channels are in memory as numbers of half the size.
+        film.saturating_add(if self.exr { film / 2 } else { 0 })
+    }
+}
+
 /// Fails if the images of several gates need more memory than was `free` before any of them was in memory. Does nothing if this is not
 /// known.
-pub fn check(settings: &Settings, has_variance: bool, free: Option<u64>) -> Result<()> {
+pub fn check(settings: &Settings, made: Made, free: Option<u64>) -> Result<()> {
     let count = settings.responses().len();
     let Some(free) = free.filter(|_| count > 1) else { return Ok(()) };
     let crop = settings.crop();
     let pixels = u64::from(crop.width()) * u64::from(crop.height());
-    let needed = ResponseFilm::bytes(pixels, count as u64, has_variance);
+    let needed = made.bytes(pixels, count as u64);
     if needed <= free {
         return Ok(());
     }
@@ -48,6 +66,13 @@ pub fn free() -> Option<u64> {
     let of_machine = read("/proc/meminfo").and_then(|table| free_in(&table));
     let groups = read("/proc/self/cgroup").map_or_else(Vec::new, |table| groups(&table));
     groups.iter().filter_map(|group| group.free()).chain(of_machine).min()
+}
+
+/// As [`free`], after `film` is dropped or used again.
+pub fn free_without(film: Option<&ResponseFilm>) -> Option<u64> {
+    let bytes =
+        |film: &ResponseFilm| ResponseFilm::bytes(film.pixels() as u64, film.responses() as u64, film.has_variance());
+    Some(free()?.saturating_add(film.map_or(0, bytes)))
 }
 
 fn read(path: impl AsRef<Path>) -> Option<String> {
@@ -106,7 +131,35 @@ fn free_of_group(limit: &str, used: &str, stat: &str, cached: [&str; 2]) -> Opti
 
 #[cfg(test)]
 mod tests {
+    use taugate::internals::settings::gates::Gates;
+
     use super::*;
+
+    #[test]
+    fn images_of_many_gates_need_room_for_their_file_too() {
+        let gates: Gates = "5m..8m/30".parse().unwrap();
+        let settings = Settings::builder().resolution([100, 100]).responses(gates).build().unwrap();
+        let check = |made: Made, free| check(&settings, made, Some(free)).map_err(|e| e.to_string());
+        // 8 bytes for each sum and each square of 3 channels, and 4 bytes for each mean and variance in the file.
+        for (made, bytes) in [
+            (Made { variance: false, exr: false }, 7_200_000),
+            (Made { variance: true, exr: false }, 14_400_000),
+            (Made { variance: true, exr: true }, 21_600_000),
+        ] {
+            assert_eq!(check(made, bytes), Ok(()), "{made:?}");
+            assert!(check(made, bytes - 1).unwrap_err().contains("the images of 30 gates"), "{made:?}");
+        }
+    }
+
+    /// The images of the previous frame of a sequence are still in memory when the next frame is checked.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn images_that_will_be_dropped_count_as_free() {
+        // 1.1 GiB, which the system does not provide before they are used.
+        let film = ResponseFilm::new(1 << 20, 48, false);
+        let [without, with] = [None, Some(&film)].map(|film| free_without(film).unwrap());
+        assert!(with > without + (1 << 29), "{with} {without}");
+    }
 
     #[test]
     fn control_groups_limit_the_memory() {

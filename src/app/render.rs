@@ -143,8 +143,8 @@ impl Session {
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
         let mut checkpoint = Checkpoint::new(outputs.checkpoint.as_ref())?;
-        // The images of the render take the place of those that it continues.
-        let free = memory::free();
+        // The images of the render take the place of those that it continues, and of those of the previous frame.
+        let free = memory::free_without(self.ready.as_ref().and_then(|ready| ready.renderer.responses()));
         let earlier = Earlier::read(experiment.output.resume.as_deref(), outputs.checkpoint.as_ref())?;
         // There is no result to keep yet.
         self.interrupts.end_the_process_at(Interrupt::First);
@@ -178,7 +178,8 @@ impl Session {
         if let (Some(earlier), Some(identity)) = (&earlier, &identity) {
             earlier.check(identity, outputs.has_variance())?;
         }
-        memory::check(settings, outputs.has_variance(), free)?;
+        let made = memory::Made { variance: outputs.has_variance(), exr: outputs.exr.is_some() };
+        memory::check(settings, made, free)?;
         if outputs.strategy_images.is_some() {
             StrategyImages::check(settings)?;
         }

@@ -52,7 +52,7 @@ pub struct Detector {
 /// Maximum number of parts of a gate in which first photons are taken to be spread evenly.
 const MAX_PARTS: f64 = 64.0;
 
-/// The gates of a detector. Every gate has an end. They are in ascending order and do not overlap.
+/// The gates of a detector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bins {
     gates: Vec<[f64; 2]>,
@@ -63,24 +63,29 @@ pub struct Bins {
 }
 
 impl Bins {
-    /// Begin and end of each gate in metres of optical path. The weight is 1 inside a gate. Fails if there is none, if a gate has no
-    /// end, if the gates are not in ascending order, or if two overlap.
+    /// Begin and end of each gate in metres of optical path; the end may be infinite. The weight is 1 inside a gate. Fails if there is
+    /// none, or if a gate is empty.
     pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
-        let are_good = gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi && hi.is_finite());
-        match !gates.is_empty() && are_good && gates.is_sorted_by(|a, b| a[1] <= b[0]) {
+        match !gates.is_empty() && gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi) {
             true => Ok(Bins { integrals: gates.iter().map(|[lo, hi]| hi - lo).collect(), gates, period: None }),
-            false => Err(Error::Settings(
-                "a detector needs gates that end and that do not overlap, in ascending order; render with --gates A..B/N".into(),
-            )),
+            false => {
+                Err(Error::Settings("a detector needs gates that end after they begin; render the light again".into()))
+            }
         }
     }
 
-    /// The gates with weights that have these integrals over travel time, in metres. Fails if one is negative or not finite.
+    /// Whether every gate ends before the next one begins.
+    fn are_in_order(&self) -> bool {
+        let ends = self.gates.iter().all(|[_, hi]| hi.is_finite());
+        ends && self.gates.is_sorted_by(|a, b| a[1] <= b[0])
+    }
+
+    /// The gates with weights that have these integrals over travel time, in metres. Fails if one is negative or not a number.
     pub fn weighted(self, integrals: Vec<f64>) -> Result<Bins> {
-        match integrals.iter().all(|&integral| 0.0 <= integral && integral.is_finite()) {
+        match integrals.iter().all(|&integral| 0.0 <= integral) {
             true => Ok(Bins { integrals, ..self }),
             false => Err(Error::Settings(
-                "the integral of the weights of a gate is negative or not finite; render the light again".into(),
+                "the integral of the weights of a gate is negative or not a number; render the light again".into(),
             )),
         }
     }
@@ -92,18 +97,47 @@ impl Bins {
         Bins { period: period.filter(|period| length <= period * (1.0 + 1e-9)), ..self }
     }
 
-    /// For each gate, the integral of its weight over time in seconds: the duration of a box.
+    /// For each gate, the integral of its weight over time in seconds: the duration of a box. Infinite for a gate without an end.
     pub fn seconds(&self) -> impl Iterator<Item = f64> {
         self.integrals.iter().map(|integral| integral / METRES_PER_NS * 1e-9)
     }
 }
 
 impl Detector {
+    /// Fails if these gates do not suit the detector. Without jitter and dead time, each gate is an exposure of its own, so gates may
+    /// overlap. `has_background`: whether the scene is in daylight.
+    pub fn check_gates(&self, bins: &Bins, has_background: bool) -> Result<()> {
+        let flags = [
+            ("--jitter", self.jitter > 0.0),
+            ("--first-photon", self.blind == Blind::UntilNextPulse),
+            ("--dead-time", matches!(self.blind, Blind::For(_))),
+        ];
+        let flags: Vec<&str> = flags.iter().filter(|(_, given)| *given).map(|(flag, _)| *flag).collect();
+        if !flags.is_empty() && !bins.are_in_order() {
+            return Err(Error::Settings(format!(
+                "a detector with {0} needs gates that end and do not overlap, in ascending order; leave out {0}, or render with --gates \
+                 A..B/N",
+                flags.join(" and ")
+            )));
+        }
+        if (has_background || self.dark_rate > 0.0) && bins.integrals.iter().any(|integral| integral.is_infinite()) {
+            return Err(Error::Settings(
+                "a gate without an end collects daylight and dark counts for an unknown time; leave out --background and \
+                 --dark-counts, or render gates that end"
+                    .into(),
+            ));
+        }
+        Ok(())
+    }
+
     /// The mean number of photons and dark counts per pulse in each gate, before dead time and jitter. `light` is the radiance per
     /// gate in the unit of the image, `background` a radiance per second in the same unit.
     pub fn means(&self, light: impl Iterator<Item = f64>, background: f64, bins: &Bins) -> Vec<f64> {
+        // The duration of a gate without an end is infinite.
+        let collected = |rate: f64, seconds: f64| if rate == 0.0 { 0.0 } else { rate * seconds };
         let mean = |(light, seconds): (f64, f64)| {
-            self.efficiency * self.photons * (light + background * seconds).max(0.0) + self.dark_rate * seconds
+            let radiance = light + collected(background, seconds);
+            self.efficiency * self.photons * radiance.max(0.0) + collected(self.dark_rate, seconds)
         };
         light.zip(bins.seconds()).map(mean).collect()
     }

@@ -178,12 +178,38 @@ fn first_photons_of_a_bright_gate_are_early() {
 }
 
 #[test]
-fn gates_that_overlap_are_refused() {
-    for gates in [vec![], vec![[0.0, 2.0], [1.0, 3.0]], vec![[2.0, 3.0], [0.0, 1.0]], vec![[0.0, f64::INFINITY]]] {
-        let error = Bins::new(gates).unwrap_err().to_string();
-        assert!(error.contains("--gates A..B/N"), "{error}");
+fn gates_that_overlap_are_exposures_of_their_own() {
+    let jitter = Detector { jitter: 0.1, ..PLAIN };
+    let blind = |blind| Detector { blind, ..PLAIN };
+    for gates in [vec![[0.0, 2.0], [1.0, 3.0]], vec![[2.0, 3.0], [0.0, 1.0]], vec![[0.0, f64::INFINITY]; 2]] {
+        let bins = Bins::new(gates).unwrap();
+        assert_eq!(PLAIN.check_gates(&bins, false).map_err(|e| e.to_string()), Ok(()));
+        for (detector, flags) in [
+            (jitter, "--jitter"),
+            (blind(Blind::UntilNextPulse), "--first-photon"),
+            (Detector { blind: Blind::For(1.0), ..jitter }, "--jitter and --dead-time"),
+        ] {
+            let error = detector.check_gates(&bins, false).unwrap_err().to_string();
+            assert!(error.contains(&format!("leave out {flags}, or render with --gates A..B/N")), "{error}");
+        }
+        // Each gate counts all its light.
+        let means = PLAIN.means([1.0, 4.0].into_iter(), 0.0, &bins);
+        for ((mean, _), expected) in moments(PLAIN, &means, &bins, 4000).into_iter().zip([1.0, 4.0]) {
+            assert!((mean - expected).abs() <= 5.0 * f64::sqrt(expected / 4000.0), "{mean} {expected}");
+        }
     }
-    assert!(Bins::new(vec![[0.0, 1.0], [1.0, 2.0], [5.0, 6.0]]).is_ok());
+    // A gate without an end collects daylight for ever.
+    let open = Bins::new(vec![[0.0, f64::INFINITY]]).unwrap();
+    for (detector, has_background) in [(PLAIN, true), (Detector { dark_rate: 1.0, ..PLAIN }, false)] {
+        let error = detector.check_gates(&open, has_background).unwrap_err().to_string();
+        assert!(error.contains("leave out --background and --dark-counts"), "{error}");
+        assert!(detector.check_gates(&bins(3, 1.0), has_background).is_ok());
+    }
+    let apart = Bins::new(vec![[0.0, 1.0], [1.0, 2.0], [5.0, 6.0]]).unwrap();
+    assert!(jitter.check_gates(&apart, true).is_ok());
+    for gates in [vec![], vec![[1.0, 1.0]], vec![[f64::NAN, 1.0]], vec![[-1.0, 1.0]]] {
+        assert!(Bins::new(gates).is_err());
+    }
 }
 
 #[test]

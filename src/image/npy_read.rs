@@ -43,6 +43,27 @@ impl ImageArray {
     }
 }
 
+/// The result of a scan, see [`crate::image::scan_file::ScanFilm`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScanArray {
+    /// Number of responses, then number of points, or number of points of the laser and of the sensor.
+    pub shape: Vec<usize>,
+    /// Indexed by response and pair of points, the pair the fastest. Pairs that were not measured are NaN.
+    pub values: Vec<f32>,
+}
+
+impl ScanArray {
+    /// Number of responses.
+    pub fn responses(&self) -> usize {
+        self.shape[0]
+    }
+
+    /// Number of pairs of points of laser and sensor.
+    pub fn pairs(&self) -> usize {
+        self.shape[1..].iter().product()
+    }
+}
+
 /// A response as the JSON file beside an array describes it, with the names of the fields in that file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DescribedResponse {
@@ -88,17 +109,26 @@ struct Described {
 }
 
 /// The responses of the array `path`, from the JSON file beside it; `None` if there is no such file or if it describes another
-/// number of responses.
-pub fn described(path: &Path, array: &ImageArray) -> Option<Vec<DescribedResponse>> {
-    let text = std::fs::read(description_path(path)).ok()?;
-    let responses = serde_json::from_slice::<Described>(&text).ok()?.responses;
-    (responses.len() == array.images()).then_some(responses)
+/// number of responses than `count`.
+pub fn described(path: &Path, count: usize) -> Option<Vec<DescribedResponse>> {
+    let responses = serde_json::from_value::<Described>(description(path)).ok()?.responses;
+    (responses.len() == count).then_some(responses)
 }
 
 /// Whether the JSON file beside the array `path` says that the array holds counts of a detector.
 pub fn is_counts(path: &Path) -> bool {
+    description(path)["unit"] == COUNTS
+}
+
+/// Whether the JSON file beside the array `path` says that the array is a scan, or the counts of one.
+pub fn is_scan(path: &Path) -> bool {
+    description(path)["axes"].as_str().is_some_and(|axes| axes.starts_with("response"))
+}
+
+/// The JSON file beside the array `path`; null without one.
+fn description(path: &Path) -> serde_json::Value {
     let text = std::fs::read(description_path(path)).unwrap_or_default();
-    serde_json::from_slice::<serde_json::Value>(&text).is_ok_and(|described| described["unit"] == COUNTS)
+    serde_json::from_slice(&text).unwrap_or_default()
 }
 
 /// Reads an array of 32-bit floats of shape (height, width, 3) or (height, width, responses, 3). Fails if the file holds something
@@ -113,8 +143,49 @@ pub fn read_with_mono(path: &Path) -> Result<(ImageArray, usize)> {
     read_channels(path, &[1, 3])
 }
 
+/// Reads the array of a scan: 32-bit floats of shape (response, point) or (response, laser point, sensor point).
+pub fn read_scan(path: &Path) -> Result<ScanArray> {
+    let check = |shape: &[usize]| match shape.len() {
+        2 | 3 => Ok(()),
+        _ => Err(format!("its shape is {shape:?}, but a scan has two or three axes; measure it again")),
+    };
+    let (shape, values) = read_values(path, check)?;
+    Ok(ScanArray { shape, values })
+}
+
 /// Reads an array whose number of channels is one of `allowed`, 1 or 3.
 fn read_channels(path: &Path, allowed: &[usize]) -> Result<(ImageArray, usize)> {
+    let sides = |shape: &[usize]| match *shape {
+        [height, width, channels] if allowed.contains(&channels) => Some((height, width, None, channels)),
+        [height, width, responses, channels] if allowed.contains(&channels) => {
+            Some((height, width, Some(responses), channels))
+        }
+        _ => None,
+    };
+    let check = |shape: &[usize]| {
+        // With three points of the sensor, a scan has the shape of an image.
+        if is_scan(path) {
+            return Err("it is a scan, and no array of images; give it to taugate detect, or read it in Python with \
+                        numpy.load"
+                .into());
+        }
+        sides(shape).map(drop).ok_or_else(|| {
+            format!(
+                "its shape is {shape:?}; an array of images has the shape (height, width, 3) or (height, width, responses, 3)"
+            )
+        })
+    };
+    let (shape, values) = read_values(path, check)?;
+    let (height, width, responses, channels) = sides(&shape).expect("the shape was checked");
+    let values = if channels == 1 { values.into_iter().flat_map(|x| [x; 3]).collect() } else { values };
+    Ok((ImageArray { width, height, responses, values }, channels))
+}
+
+/// Reads the shape and the values of an array of 32-bit floats. Fails with the message of `check` if it refuses the shape.
+fn read_values(
+    path: &Path,
+    check: impl Fn(&[usize]) -> std::result::Result<(), String>,
+) -> Result<(Vec<usize>, Vec<f32>)> {
     let fail = |message: String| Error::File { path: path.into(), message };
     let length = check_readable(path)?;
     let mut file = File::open(path).map_err(|e| read_error(path, e))?;
@@ -122,17 +193,7 @@ fn read_channels(path: &Path, allowed: &[usize]) -> Result<(ImageArray, usize)> 
         fail("this is not a NumPy array; give a file that taugate render -o OUT.npy or numpy.save wrote".into())
     })?;
     let shape = shape(&text, "<f4").map_err(fail)?;
-    let (height, width, responses, channels) = match shape[..] {
-        [height, width, channels] if allowed.contains(&channels) => (height, width, None, channels),
-        [height, width, responses, channels] if allowed.contains(&channels) => {
-            (height, width, Some(responses), channels)
-        }
-        _ => {
-            return Err(fail(format!(
-                "its shape is {shape:?}; an array of images has the shape (height, width, 3) or (height, width, responses, 3)"
-            )));
-        }
-    };
+    check(&shape).map_err(fail)?;
     // Compare the sizes before memory is allocated: a header could claim more than the file holds.
     let needed_bytes = shape.iter().try_fold(4u64, |product, &side| product.checked_mul(side as u64));
     if needed_bytes.is_none_or(|bytes| bytes == 0 || bytes.checked_add(data_at) != Some(length)) {
@@ -144,8 +205,7 @@ fn read_channels(path: &Path, allowed: &[usize]) -> Result<(ImageArray, usize)> 
     if values.len() != shape.iter().product::<usize>() {
         return Err(fail("it changed while it was read; read it again".into()));
     }
-    let values = if channels == 1 { values.into_iter().flat_map(|x| [x; 3]).collect() } else { values };
-    Ok((ImageArray { width, height, responses, values }, channels))
+    Ok((shape, values))
 }
 
 /// The text of the header, and the position of the first value; `None` if the file is no `.npy` file.

@@ -54,11 +54,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let narrowest = responses.narrowest();
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
-    let unseen = || {
-        let from_origin = RenderSpace::distance_of_camera(scene, &scene.cameras[camera], &emitters);
-        let latest = if responses.is_repeated() { LATEST_LIGHT * scene.diagonal() } else { 0.0 };
-        omitted(&scene.cameras[camera]) + from_origin + (latest - narrowest.hi).max(0.0)
-    };
+    let unseen = || unseen(scene, &scene.cameras[camera], &emitters, &responses, narrowest.hi);
     let gate_warning = match narrowest.hi.is_finite() {
         true => gate_warning(&narrowest, unseen(), &experiment.gate)?,
         false => None,
@@ -122,6 +118,20 @@ const LATEST_LIGHT: f64 = 4.0;
 /// Maximum length in metres that the travel times to `camera` omit.
 fn omitted(camera: &Camera) -> f64 {
     camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max)
+}
+
+/// The sum of lengths in metres that make the rounding errors of travel times to `camera` larger, for a gate that ends at `end`: see
+/// [`Gate::precision`].
+fn unseen(scene: &Scene, camera: &Camera, emitters: &Emitters, responses: &Responses, end: f64) -> f64 {
+    let from_origin = RenderSpace::distance_of_camera(scene, camera, emitters);
+    let latest = if responses.is_repeated() { LATEST_LIGHT * scene.diagonal() } else { 0.0 };
+    omitted(camera) + from_origin + (latest - end).max(0.0)
+}
+
+/// Whether a render with this gate instead of that of `settings` gives no warning about 32-bit travel times.
+pub fn is_fine(gate: &Gate, scene: &Scene, settings: &Settings) -> bool {
+    let camera = &scene.cameras[settings.camera()];
+    gate.precision(unseen(scene, camera, settings.emitters(), settings.responses(), gate.hi)) == GatePrecision::Fine
 }
 
 /// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`. Fails if the gate is too narrow for them,

@@ -32,7 +32,7 @@ pub struct Sequence {
     end: Option<f64>,
     pub contact_sheet: Option<PathBuf>,
     pub gif: Option<PathBuf>,
-    /// Exposure of the contact sheet and of the animation.
+    /// Exposure of all pictures.
     pub exposure: Exposure,
 }
 
@@ -55,10 +55,10 @@ impl Sequence {
                 ("gif", gif.is_some()),
                 ("gate-keys", keys.is_some()),
             ];
-            return match given.iter().find(|(_, given)| *given) {
-                Some((name, _)) => Err(Error::settings(format!("--{name} is for a sequence: add --frames A..B"))),
-                None => Ok(None),
-            };
+            if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
+                return Err(Error::settings(format!("--{name} is for a sequence: add --frames A..B")));
+            }
+            return check_still(&experiment.output).map(|()| None);
         };
         for (path, extension) in [(&contact_sheet, "png"), (&gif, "gif")] {
             let has = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
@@ -70,12 +70,7 @@ impl Sequence {
         if output.strategy_images.is_some() {
             return Err(Error::settings("--strategy-images needs a single frame: render it alone, with --at"));
         }
-        let png = match &output.png {
-            Some(Png::File(path)) => Some(path),
-            _ => None,
-        };
-        let files = output.output.iter().flat_map(|files| &files.0).chain(png).chain(&output.stats);
-        if let Some(path) = files.into_iter().find(|path| numbered(path, 0).is_none()) {
+        if let Some((_, path)) = patterns(output).find(|(_, path)| numbered(path, 0).is_none()) {
             return Err(Error::settings(format!(
                 "{} would be replaced by every frame: write the number of the frame as #, like out.####.exr",
                 path.display()
@@ -106,6 +101,11 @@ impl Sequence {
     pub fn own_frames(&self) -> impl Iterator<Item = u32> + Clone {
         let (shard, start) = (self.shard, self.frames.start);
         self.frames.clone().filter(move |frame| shard.has(frame - start))
+    }
+
+    /// Whether this machine renders all frames.
+    pub fn is_whole(&self) -> bool {
+        self.shard.is_all()
     }
 
     /// Frames per second.
@@ -141,6 +141,27 @@ impl Sequence {
         stats.iter_mut().for_each(name);
         experiment
     }
+}
+
+/// The files that have the number of the frame in their names, with their flags.
+fn patterns(output: &OutputTable) -> impl Iterator<Item = (&'static str, &PathBuf)> {
+    let png = match &output.png {
+        Some(Png::File(path)) => Some(path),
+        _ => None,
+    };
+    let images = output.output.iter().flat_map(|files| &files.0).map(|path| ("-o", path));
+    images.chain(png.map(|path| ("--png", path))).chain(output.stats.iter().map(|path| ("--stats", path)))
+}
+
+/// Fails if a file of a render without frames has the name of frames: for example, if `--at` renders one moment of an experiment
+/// with frames.
+fn check_still(output: &OutputTable) -> Result<()> {
+    let Some((flag, path)) = patterns(output).find(|(_, path)| numbered(path, 0).is_some()) else { return Ok(()) };
+    let extension = path.extension().unwrap_or_default().display();
+    Err(Error::settings(format!(
+        "{} is a name for the frames of a sequence: add {flag} OUT.{extension}, a name without #, or --frames A..B",
+        path.display()
+    )))
 }
 
 /// Whether a render, or each frame of a sequence, has a picture.
@@ -279,6 +300,9 @@ mod tests {
             ("frames = '0..2'\noutput = 'a#.exr'\nshard = '0/2'\ngif = 'a.gif'", "does not have all frames"),
             ("fps = 3\noutput = 'a#.exr'", "--fps is for a sequence"),
             ("gif = 'a.gif'", "--gif is for a sequence"),
+            ("output = ['a.exr', 'a.####.npy']", "a.####.npy is a name for the frames of a sequence: add -o OUT.npy,"),
+            ("output = 'a.exr'\npng = 'a#.png'", "add --png OUT.png, a name without #, or --frames A..B"),
+            ("output = 'a.exr'\nstats = 'a#.json'", "add --stats OUT.json,"),
         ] {
             let error = sequence(&format!("[output]\n{text}\n"), None).map(drop).unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");

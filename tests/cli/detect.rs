@@ -70,7 +70,7 @@ fn counts_have_the_mean_of_the_light() {
     let description: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!((&description["start_opl"], &description["bin_width_opl"]), (&5.0.into(), &3.0.into()), "{text}");
 
-    let table: [(&[&str], &str); 15] = [
+    let table: [(&[&str], &str); 16] = [
         (&["light.npy", "-o", "x.exr", "--photons", "1"], "must end in .npy"),
         (&["light.npy", "-o", "light.npy", "--photons", "1"], "would replace the light"),
         (&["light.npy", "-o", "x.npy", "--photons", "-1"], "0 or more"),
@@ -94,13 +94,51 @@ fn counts_have_the_mean_of_the_light() {
             &["light.npy", "-o", "x.npy", "--photons", "1", "--background", "gate.exr"],
             "has a gate, but daylight has none",
         ),
-        (&["day.exr", "-o", "x.npy", "--photons", "1"], "gates that end"),
+        (&["day.exr", "-o", "x.npy", "--photons", "1", "--jitter", "1ns"], "leave out --jitter"),
+        (&["day.exr", "-o", "x.npy", "--photons", "1", "--dark-counts", "1"], "collects daylight and dark counts"),
         (&["light.npy", "-o", "x.npy", "--photons", "1", "--jitter", "5"], "like 100m or 400ns"),
         (&["light.npy", "-o", "x.npy"], "--photons"),
         (&["box.glb", "-o", "x.npy", "--photons", "1"], "must be an array"),
     ];
     for (arguments, part) in table {
         fails(here.path(), &[&["detect"], arguments].concat(), 2, part);
+    }
+    assert!(!names(here.path()).iter().any(|name| name.starts_with('x')));
+}
+
+/// Without jitter and dead time, each response is an exposure of its own.
+#[test]
+fn overlapping_gates_and_waves_give_counts() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    let small = ["render", "box.glb", "--resolution", "8x6", "--spp", "2", "-q"];
+    let slices =
+        ["--response", "near=box:5m..7m", "--response", "far=box:6m..8m", "-o", "slices.npy", "-o", "slices.exr"];
+    run(&[&small[..], &slices].concat());
+    run(&[&small[..], &["--cw", "20", "-o", "wave.npy", "-o", "wave.exr"]].concat());
+    let images = |name: &str| {
+        let array = read(&here.path().join(name)).unwrap();
+        (0..array.images()).map(|k| array.image(k).iter().map(|&x| f64::from(x)).sum::<f64>()).collect::<Vec<_>>()
+    };
+    for (kind, count) in [("slices", 2), ("wave", 4)] {
+        let light = images(&format!("{kind}.npy"));
+        assert!(light.len() == count && light.iter().all(|&light| light > 0.0), "{light:?}");
+        for extension in ["npy", "exr"] {
+            let detect = ["detect", &format!("{kind}.{extension}"), "--photons", "1e4", "--pulses", "10", "-o"];
+            run(&[&detect[..], &["counts.npy"]].concat());
+            for (counts, light) in images("counts.npy").into_iter().zip(&light) {
+                let expected = 1e5 * light;
+                assert!((counts - expected).abs() < 6.0 * expected.sqrt(), "{kind}: {counts} {expected}");
+            }
+            for flags in [&["--first-photon"][..], &["--dead-time", "1ns"], &["--jitter", "1ns"]] {
+                let part = format!("leave out {}, or render with --gates", flags[0]);
+                fails(here.path(), &[&detect[..], &["x.npy"], flags].concat(), 2, &part);
+            }
+        }
     }
     assert!(!names(here.path()).iter().any(|name| name.starts_with('x')));
 }

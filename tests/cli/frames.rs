@@ -267,6 +267,10 @@ fn a_moment_overrides_the_frames_of_a_file() {
         let output = taugate(here.path(), &[&["render"], arguments, &SMALL[..]].concat());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     };
+    // The name of the frames is no name for one moment.
+    let message = "f.##.exr is a name for the frames of a sequence: add -o OUT.exr,";
+    fails(here.path(), &["render", "e.toml", "--at", "1s"], 2, message);
+    assert_eq!(names(here.path()), ["e.toml", "scene.glb"]);
     run(&["e.toml", "--at", "1s", "-o", "m.exr"]);
     assert_eq!(names(here.path()), ["e.toml", "m.exr", "scene.glb"]);
     run(&["scene.glb", "--depth", "20m..40m", "--at", "1s", "-o", "alone.exr"]);

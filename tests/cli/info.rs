@@ -284,6 +284,14 @@ fn a_scene_without_camera_and_light_is_described_and_rendered() {
         assert!(message.contains("note: the scene has no light that can be rendered"), "{message}");
         assert_eq!(message.contains("note: the scene has no camera"), more.is_empty(), "{message}");
     }
+
+    // At 9 km, 2 % of the scene's diagonal are about 40 steps of 32-bit travel times: too thin without a warning.
+    let far = ["--look-from", "0,1,9000", "--look-at", "0,1,0", "--fov", "0.02"];
+    let json = info(here.path(), &[&far[..], &["--resolution", "32x32"]].concat());
+    let gate = json["render"]["light"]["suggested_gate"].as_str().unwrap();
+    let output = taugate(here.path(), &[&small[..], &far, &["--gate", gate]].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && !message.contains("32-bit travel times"), "{gate}: {message}");
 }
 /// A pixel of the lamp and a pixel of the back wall. The first light at the wall comes from the lamp, by the shortest way.
 #[test]

@@ -66,6 +66,40 @@ fn a_scan_is_an_array_of_gates_and_points() {
         let [a, b] = [total(&all, 6, in_all), total(&same, 2, in_same)];
         assert!((a / b - 1.0).abs() < 0.03, "{a} {b}");
     }
+
+    // A detector counts the photons of each pair of points. Its array has the shape of the scan.
+    for (scan, light) in [("c", &confocal), ("all", &all)] {
+        let (name, brightest) = (format!("{scan}.npy"), light.iter().fold(0.0, |a: f32, &b| a.max(b)));
+        let detect = ["detect", &name, "--pulses", "1000", "-o", "counts.npy", "--photons"];
+        let photons = 1e3 / brightest;
+        run(&[&detect[..], &[&photons.to_string()[..]]].concat());
+        let counts = read(&here.join("counts.npy"));
+        assert_eq!(counts.len(), light.len());
+        for (count, x) in counts.iter().zip(light) {
+            let mean = 1e3 * photons * x;
+            assert!((count - mean).abs() <= 6.0 * mean.sqrt() && count.fract() == 0.0, "{scan}: {count} {mean}");
+        }
+        let [counts, of_light] = [description(here, "counts.json"), description(here, &format!("{scan}.json"))];
+        assert_eq!(counts["unit"], "counts over all pulses");
+        for key in ["axes", "shape", "responses", "laser_points"] {
+            assert!(counts[key] == of_light[key] && !counts[key].is_null(), "{key}");
+        }
+        let first = [&detect[..], &["1e9", "--first-photon", "--jitter", "10ps", "--background", "0.1"]].concat();
+        run(&first);
+        // Each pair of points counts at most one photon per pulse.
+        let (counts, pairs) = (read(&here.join("counts.npy")), light.len() / 5);
+        assert!(
+            (0..pairs).all(|pair| total(&counts, pairs, pair) <= 1000.0) && counts.iter().any(|&count| count > 0.0)
+        );
+        run(&[&detect[..5], &["mono.npy", "--photons", "1", "--mono"]].concat());
+        fails(here, &[&detect[..], &["1", "--background", "day.exr"]].concat(), 2, "but the light is a scan");
+        fails(here, &["detect", "counts.npy", "-o", "x.npy", "--photons", "1"], 2, "holds counts of a detector");
+        // The array of three sensor points has the shape of an image.
+        for array in [&name[..], "counts.npy"] {
+            fails(here, &["histogram", array], 2, "it is a scan, and no array of images; give it to taugate detect");
+            fails(here, &["compare", array, array], 2, "it is a scan");
+        }
+    }
 }
 
 /// A scan may have more points than an image may have columns.

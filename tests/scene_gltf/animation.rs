@@ -75,6 +75,31 @@ fn the_last_frame_is_inside_the_animation() {
     }
 }
 
+/// Keys are f32, and about half of them are slightly after the time of their frame in f64.
+#[test]
+fn keys_at_frames_count_at_these_frames() {
+    for fps in [24.0, 25.0, 30.0, 60.0] {
+        let frames = 0..=50;
+        let times: Vec<f32> = frames.clone().map(|k| (f64::from(k) / fps) as f32).collect();
+        let late = frames.clone().zip(&times).filter(|(k, time)| f64::from(**time) > f64::from(*k) / fps);
+        assert!(late.count() > 10, "{fps}");
+        // Neighbouring keys differ by 1, also those of a spline, whose tangents are 0.
+        let keys: Vec<[f32; 3]> = frames.clone().map(|k| [k as f32, 0.0, 0.0]).collect();
+        let spline: Vec<[f32; 3]> = keys.iter().flat_map(|&key| [[0.0; 3], key, [0.0; 3]]).collect();
+        let clips = [
+            (animated("translation", "STEP", &times, &keys), 0.0),
+            (animated("translation", "LINEAR", &times, &keys), 1e-4),
+            (animated("translation", "CUBICSPLINE", &times, &spline), 1e-4),
+        ];
+        for (clip, bound) in &clips {
+            for k in frames.clone() {
+                let x = translation(clip, f64::from(k) / fps).x;
+                assert!((x - f64::from(k)).abs() <= *bound, "frame {k} at {fps} frames per second: {x}");
+            }
+        }
+    }
+}
+
 #[test]
 fn rotations_take_the_shorter_way_and_scales_are_linear() {
     // A quarter turn, whose second key has the opposite sign: the same rotation.
@@ -141,6 +166,18 @@ fn rotations_and_weights_may_be_normalized_integers() {
     glb.json["animations"][0]["channels"][0]["target"]["path"] = json!("rotation");
     let x = posed(&glb, playback(0.5)).unwrap().instances[0].transform.transform_vector3(DVec3::X);
     assert!(x.abs_diff_eq(DVec3::NEG_X, 1e-6), "{x}");
+}
+
+#[test]
+fn animations_of_one_name_are_numbered() {
+    let mut glb = animated("translation", "LINEAR", &[0.0, 1.0], &[[0.0; 3], [1.0, 0.0, 0.0]]);
+    add(&mut glb, "translation", "LINEAR", &[0.0, 1.0], &[[0.0; 3], [5.0, 0.0, 0.0]]);
+    for (name, x) in [("translation-LINEAR", 1.0), ("translation-LINEAR#2", 5.0)] {
+        let alone = Playback { animation: Some(name), ..playback(1.0) };
+        assert_eq!(posed(&glb, alone).unwrap().instances[0].transform.translation.x, x, "{name}");
+    }
+    let error = posed(&glb, playback(1.0)).unwrap_err();
+    assert!(error.contains("`translation-LINEAR` and `translation-LINEAR#2` both move"), "{error}");
 }
 
 /// A file that animates only properties of materials and cameras has no end: its nodes keep their pose.

@@ -382,18 +382,30 @@ fn files_of_an_allowed_folder_are_read_and_links_do_not_leave_it() {
     assert!(message.contains("is not a folder; check --allow-path"), "{message}");
 }
 
-/// Blender writes candela by default. taugate reads W/sr.
+/// Blender writes candela and lux by default. taugate reads W/sr and W/m^2.
 #[test]
 fn lights_that_blender_wrote_in_candela_are_named() {
-    let warnings = |generator: &str, intensity: f64| {
+    let warnings = |generator: &str, kind: &str, intensity: f64| {
         let mut glb = single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({}));
         glb.json["asset"]["generator"] = generator.into();
-        let lights = json!([{"type": "point", "intensity": intensity}]);
+        let lights = json!([{"type": kind, "intensity": intensity}]);
         glb.json["extensions"] = json!({"KHR_lights_punctual": {"lights": lights}});
         glb.push("nodes", json!({"extensions": {"KHR_lights_punctual": {"light": 0}}}));
         load_slice(&glb.build(), Path::new("a.glb")).unwrap().warnings.join("; ")
     };
     let blender = "Khronos glTF Blender I/O v4.2.57";
-    assert!(warnings(blender, 543.5).contains("set to Unitless"), "{}", warnings(blender, 543.5));
-    assert!(!warnings(blender, 79.6).contains("Unitless") && !warnings("Other", 1e4).contains("Unitless"));
+    for (kind, bright, usual, part) in [
+        (
+            "point",
+            543.5,
+            79.6,
+            "544 W/sr; Blender writes candela, 683 times as much, unless Data > Lighting is set to Unitless",
+        ),
+        ("directional", 2049.0, 1361.0, "2049 W/m^2; Blender writes lux, 683 times as much"),
+    ] {
+        let warning = warnings(blender, kind, bright);
+        assert!(warning.contains(part), "{kind}: {warning}");
+        assert!(!warnings(blender, kind, usual).contains("Unitless"), "{kind}");
+        assert!(!warnings("Other", kind, 1e6).contains("Unitless"), "{kind}");
+    }
 }

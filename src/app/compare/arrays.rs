@@ -121,7 +121,7 @@ fn read_finite(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>
         (array, Some(gates))
     } else if is_npy(path) {
         let array = read(path)?;
-        let gates = described(path, &array);
+        let gates = described(path, array.images());
         (array, gates)
     } else {
         exr_responses::read(path)?

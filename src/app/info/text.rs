@@ -148,7 +148,10 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
     lines.line("  last seen", arrival(&light.last));
     if let Some(gate) = &light.suggested_gate {
         let percent = 100.0 * SUGGESTED_PART;
-        lines.line("try", format!("--gate {gate} (at the median; as wide as {percent:.0} % of the scene's diagonal)"));
+        lines.line(
+            "try",
+            format!("--gate {gate} (at the median; at least {percent:.0} % of the scene's diagonal wide)"),
+        );
     }
 }
 

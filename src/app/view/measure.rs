@@ -28,8 +28,9 @@ impl Engine {
         let bins = times.as_ref().zip(end).map(|(times, end)| times.histogram(end, ARRIVAL_BINS)).unwrap_or_default();
         let begin = bins.first().map_or(0.0, |([begin, _], _)| *begin);
         let preset = |name: &str, gate: Gate| Response { name: name.into(), lo: gate.lo, hi: Some(gate.hi) };
+        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
         let measured = PRESETS.into_iter().filter_map(|(name, percent)| {
-            Some(preset(name, feasible::suggestion(times.as_ref()?, self.stage.scene(), percent)?))
+            Some(preset(name, feasible::suggestion(times.as_ref()?, scene, settings, percent)?))
         });
         let at_start = chosen(&self.stage.start().gate).ok().filter(|responses| responses.len() == 1);
         let at_start = at_start.and_then(|responses| responses.iter().next().map(|response| response.gate()));

@@ -333,13 +333,14 @@ impl Curve {
     /// The value at `time`: before the first key the value of the first key, after the last key the value of the last key.
     /// Interpolated rotations have unit length, unless they are zero.
     fn value(&self, time: f64) -> Vec<f32> {
-        let after = self.times.partition_point(|&t| f64::from(t) <= time);
+        // The times of keys are rounded to f32, so a key may be slightly after its frame. At this frame, it counts.
+        let after = self.times.partition_point(|&t| t <= time as f32);
         let last = self.times.len() - 1;
         if after == 0 || after > last {
             return self.key(if after == 0 { 0 } else { last }).to_vec();
         }
         let (k, [t0, t1]) = (after - 1, [after - 1, after].map(|k| f64::from(self.times[k])));
-        let s = (time - t0) / (t1 - t0);
+        let s = ((time - t0) / (t1 - t0)).max(0.0);
         match self.interpolation {
             Interpolation::Step => self.key(k).to_vec(),
             Interpolation::Linear if self.property == Property::Rotation => slerp(self.key(k), self.key(k + 1), s),

@@ -1,20 +1,18 @@
 //! Cameras.
 
-use std::collections::HashMap;
-
 use ::gltf::json::Extras;
 use ::gltf::json::camera::{Orthographic, Perspective};
 use serde::Deserialize;
 
 use super::Checked;
-use super::document::{Document, finite, printable};
+use super::document::{DistinctNames, Document, finite, printable};
 use super::node::{Worlds, rigid};
 use crate::scene::{Camera, Projection};
 
 /// One camera per node of the scene with a camera, in the order of the nodes.
 pub fn load(doc: &Document, worlds: &Worlds) -> Checked<Vec<Camera>> {
     let mut cameras = Vec::new();
-    let mut names = Names::default();
+    let mut names = DistinctNames::default();
     for (index, world) in worlds.iter() {
         let Some(node) = doc.root.nodes.get(index) else { continue };
         let Some(number) = node.camera.map(|camera| camera.value()) else { continue };
@@ -77,24 +75,6 @@ fn orthographic(source: &Orthographic, name: &str) -> Checked<(Projection, Optio
     });
     let [half_width, half_height] = [half_width?, half_height?];
     Ok((Projection::Orthographic { height: 2.0 * half_height }, Some(half_width / half_height)))
-}
-
-/// The names of all cameras so far, and how many cameras had each name in the file.
-#[derive(Default)]
-struct Names(HashMap<String, u32>);
-
-impl Names {
-    /// Returns `name`, with a number if an earlier camera has that name: `eye`, `eye#2`, `eye#3`.
-    fn distinct(&mut self, name: String) -> String {
-        let mut own = name.clone();
-        while self.0.contains_key(&own) {
-            let count = self.0.entry(name.clone()).or_default();
-            *count += 1;
-            own = format!("{name}#{count}");
-        }
-        self.0.insert(own.clone(), 1);
-        own
-    }
 }
 
 /// `width` and `height`, if the extras have both as positive integers. Other programs use extras too, so anything else is not an

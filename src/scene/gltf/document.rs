@@ -116,6 +116,24 @@ pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     }
 }
 
+/// The names of all objects of a kind so far, and how many objects had each name in the file.
+#[derive(Default)]
+pub struct DistinctNames(HashMap<String, u32>);
+
+impl DistinctNames {
+    /// Returns `name`, with a number if an earlier object has that name: `eye`, `eye#2`, `eye#3`.
+    pub fn distinct(&mut self, name: String) -> String {
+        let mut own = name.clone();
+        while self.0.contains_key(&own) {
+            let count = self.0.entry(name.clone()).or_default();
+            *count += 1;
+            own = format!("{name}#{count}");
+        }
+        self.0.insert(own.clone(), 1);
+        own
+    }
+}
+
 /// The first `limit` characters of `text`. Characters that may control a terminal are replaced, because names come from the file
 /// and go to a terminal.
 pub fn printable(text: &str, limit: usize) -> String {

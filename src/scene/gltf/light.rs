@@ -17,6 +17,10 @@ use crate::scene::{Light, LightKind};
 /// candela, it is a lamp of 9 W in Blender's user interface, where the default is 10 W or more.
 const TOO_BRIGHT: f32 = 500.0;
 
+/// As [`TOO_BRIGHT`], for suns. In W/m^2, it is more than the sunlight outside of the atmosphere, 1,361 W/m^2. In lux, it is a sun of
+/// strength 2.2 in Blender's user interface.
+const TOO_SUNNY: f32 = 1500.0;
+
 /// The lights and beams of the nodes in the scene, in the order of the nodes.
 pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked<Vec<Light>> {
     let mut lights = Vec::new();
@@ -29,12 +33,16 @@ pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked
             let light = doc.root.lights().get(number).ok_or_else(|| {
                 format!("node `{name}` refers to light {number}, which does not exist; re-export the file")
             })?;
-            if by_blender && light.intensity > TOO_BRIGHT && light.type_ != Valid(Type::Directional) {
+            let (limit, unit, photometric) = match light.type_ {
+                Valid(Type::Directional) => (TOO_SUNNY, "W/m^2", "lux"),
+                _ => (TOO_BRIGHT, "W/sr", "candela"),
+            };
+            if by_blender && light.intensity > limit {
                 let intensity = light.intensity;
-                warnings.once("candela", || {
+                warnings.once(photometric, || {
                     format!(
-                        "the light of node `{name}` has an intensity of {intensity:.0} W/sr; Blender writes candela, 683 times as \
-                         much, unless Data > Lighting is set to Unitless when the scene is exported"
+                        "the light of node `{name}` has an intensity of {intensity:.0} {unit}; Blender writes {photometric}, 683 times \
+                         as much, unless Data > Lighting is set to Unitless when the scene is exported"
                     )
                 });
             }

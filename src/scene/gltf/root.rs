@@ -9,7 +9,7 @@ use ::gltf::json::{
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
-use super::document::label;
+use super::document::{DistinctNames, label};
 
 /// The lists that taugate reads, with the elements of the `gltf` crate. The crate's own `Root` also parses parts that taugate
 /// does not read, so it refuses some valid files: animations that target pointers, and scenes without nodes.
@@ -70,7 +70,7 @@ impl Root {
         extension.map_or(&[], |extension| &extension.lights)
     }
 
-    /// The labels of the animations, in the order of the file.
+    /// The labels of the animations, in the order of the file. If several animations are called `walk`, the second is `walk#2`.
     pub fn animation_labels(&self) -> Vec<String> {
         #[derive(Deserialize)]
         struct Named {
@@ -78,6 +78,7 @@ impl Root {
         }
         let name = |json: &RawValue| Some(serde_json::from_str::<Named>(json.get()).ok()?.name);
         let animations = self.animations.iter().enumerate();
-        animations.map(|(number, json)| label(name(json).as_deref(), "animation", number)).collect()
+        let mut names = DistinctNames::default();
+        animations.map(|(number, json)| names.distinct(label(name(json).as_deref(), "animation", number))).collect()
     }
 }
