@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::settings::units::Gate;
 
@@ -20,7 +22,7 @@ fn gaussian_before(x: f64) -> f64 {
 }
 
 /// How the weight rises and falls at the ends of a gate. Where two gates with the same edges abut, their weights add up to 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Edge {
     /// From 0 to 1 at once.
     Sharp,
@@ -55,13 +57,13 @@ impl Edge {
 
 /// A measured response: travel times in metres, in ascending order, and weights, which are linear between them. Before the first
 /// and after the last time the weight is 0.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Table {
     rows: Vec<[f64; 2]>,
     file: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum Weight {
     Gate {
         gate: Gate,
@@ -77,7 +79,7 @@ enum Weight {
 
 /// A response of the sensor: a name, and a weight for every travel time. The image of a response is the light of each travel time
 /// times its weight.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     name: String,
     weight: Weight,

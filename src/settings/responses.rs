@@ -2,6 +2,8 @@
 
 use std::collections::HashSet;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::settings::aov::Aov;
 use crate::settings::frequencies::Frequencies;
@@ -15,8 +17,8 @@ use crate::settings::units::{Gate, MAX_TRAVEL_TIME, number};
 /// Name of the channels of the variance in image files.
 const VARIANCE: &str = "Variance";
 
-/// The responses that a render measures, at least one. A plain gate is a list of one.
-#[derive(Debug, Clone, PartialEq)]
+/// The responses that a render measures, at least one. A plain gate is a list of one. The Python module pickles them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Responses {
     list: Vec<Response>,
     /// The gates that the list was made from, if they all have the same width and abut.
@@ -31,9 +33,6 @@ impl Responses {
     /// equals sign or a slash, if a gate is invalid ([`Gate::new`]), if the length of an edge is not above 0 and at most 1e30 m, or if a
     /// gate is longer than 1000 periods of a pulsed laser.
     pub fn new(list: Vec<Response>) -> Result<Responses> {
-        if list.is_empty() || list.len() > MAX_GATES as usize {
-            return Err(Error::Settings(format!("{} responses are not possible: give 1 to {MAX_GATES}", list.len())));
-        }
         let is_reserved = |name: &str| name == VARIANCE || Aov::ALL.names().any(|layer| layer == name);
         if let Some(response) = list.iter().find(|response| is_reserved(response.name())) {
             return Err(Error::Settings(format!(
@@ -138,6 +137,12 @@ impl Responses {
 
     /// Fails if a name, an edge, a period or a gate is invalid; see [`Responses::new`].
     pub(crate) fn check(&self) -> Result<()> {
+        if self.list.is_empty() || self.list.len() > MAX_GATES as usize {
+            return Err(Error::Settings(format!(
+                "{} responses are not possible: give 1 to {MAX_GATES}",
+                self.list.len()
+            )));
+        }
         for response in self.iter() {
             check_name(response.name())?;
             if let Some(Edge::Ramp(length) | Edge::Gauss(length)) = response.edge()
