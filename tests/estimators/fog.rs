@@ -20,7 +20,7 @@ use super::cells::{Cells, renderer, settings, threshold};
 pub const SIGMA_S: f64 = 0.1;
 const SIGMA_T: f64 = 0.12;
 const G: f64 = 0.6;
-const INTENSITY: f32 = 5.0;
+pub const INTENSITY: f32 = 5.0;
 const GATES: [[f64; 2]; 6] = [[1.2, 1.4], [1.5, 2.5], [3.0, 4.0], [6.0, 6.5], [12.0, 12.05], [0.5, 60.0]];
 
 /// As [`fog_with`], with a Henyey-Greenstein lobe.
