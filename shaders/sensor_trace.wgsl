@@ -44,7 +44,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let depth = dispatch.bounce + 1u;
     var flight = flight_uniforms(key);
     if (HAS_MEDIA && depth == 1u) {
-        flight = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, frame.seed);
+        flight = vec3<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, frame.seed), flight.z);
     }
     let arrival = advance(&s, false, true, key, flight);
     // Whether light vertices may be connected to events on the segment.

@@ -31,7 +31,7 @@ fn guiding_interval(o: vec3<f32>, d: vec3<f32>, elapsed: f32, eta: f32) -> vec2<
 
 // As `free_flight`, with two differences. No event lies where its light would be too late for the gate. A share of the events lies
 // where light that comes straight from an emitter is inside the gate. `elapsed`: travel time from o to the sensor.
-fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32, throughput: vec3<f32>, u: vec2<f32>) -> Flight {
+fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32, throughput: vec3<f32>, u: vec3<f32>) -> Flight {
     let interval = guiding_interval(o, d, elapsed, eta);
     let last = clamp(interval.y, 0.0, limit);
     let whole = optical_depths(o, d, last);
@@ -41,7 +41,8 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     // If light from the end of the ray is too late, every flight ends in an event.
     let reaches = select(0.0, end_probability_of(transmitted), last >= limit);
     let end_probability = select(reaches, 1.0, scattered <= 0.0);
-    if (u.x < end_probability) {
+    let choice = event_choice(u, end_probability);
+    if (choice < 0.0) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
         return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
     }
@@ -51,7 +52,6 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     let first = max(interval.x, extent.x);
     let width = min(last, extent.y) - first;
     let share = select(0.0, GUIDED_SHARE, width > 0.0 && dispatch.bounce == 0u);
-    let choice = (u.x - end_probability) / (1.0 - end_probability);
     var f = Flight(true, first + u.y * width, NONE, vec3<f32>(0.0), vec3<f32>(0.0));
     if (choice < share) {
         f.medium = stretch_at(o, d, f.distance).medium;

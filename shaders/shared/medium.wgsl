@@ -223,22 +223,30 @@ fn end_probability_of(transmitted: f32) -> f32 {
     return select(transmitted, sqrt(transmitted), dispatch.bounce == 0u);
 }
 
+// Chooses the outcome of a flight. A value below 0: the flight reaches its end, with the given probability. Other values are uniform in
+// [0, 1), and serve the other choices of the flight. u.x has steps of 2^-24, and in thin fog only a few of them choose an event. So
+// u.z refines them. `u.x - end_probability` is exact where this matters; adding u.z to u.x first would round it away.
+fn event_choice(u: vec3<f32>, end_probability: f32) -> f32 {
+    let beyond = (u.x - end_probability) + u.z * (1.0 / 16777216.0);
+    return min(beyond / max(1.0 - end_probability, 1.0 / 16777216.0), 0.99999994);
+}
+
 // Samples a flight along o + t d for 0 < t < limit. `throughput`: throughput of the subpath so far. One channel is chosen with a
 // probability in proportion to its throughput, and the distance is drawn for this channel. The density is the sum over all channels,
 // so that no channel gets a large weight. Sensor subpaths reach the end with `end_probability_of`.
-fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, is_sensor_subpath: bool, u: vec2<f32>) -> Flight {
+fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, is_sensor_subpath: bool, u: vec3<f32>) -> Flight {
     let whole = optical_depths(o, d, limit);
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
     let scattered = dot(shares, one_minus_exp(whole.scattering));
     let transmitted = dot(shares, exp(-whole.scattering));
     let end_probability = select(select(transmitted, end_probability_of(transmitted), is_sensor_subpath), 1.0, scattered <= 0.0);
-    if (u.x < end_probability) {
+    let choice = event_choice(u, end_probability);
+    if (choice < 0.0) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
         return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
     }
 
-    let rest = (u.x - end_probability) / (1.0 - end_probability);
-    var f = flight_to_event(o, d, limit, shares, whole, vec2<f32>(rest, u.y));
+    var f = flight_to_event(o, d, limit, shares, whole, vec2<f32>(choice, u.y));
     f.weight *= scattered / (1.0 - end_probability);
     return f;
 }

@@ -38,11 +38,11 @@ fn random4(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, see
 // Bit of the third word of a ray's key. It is 0 for the random choices at surfaces with alpha.
 const FLIGHT_BIT: u32 = 0x2000u;
 
-// Two independent uniforms in [0, 1) for a flight through media along the ray with this key. They are independent of the choices at
-// surfaces with alpha.
-fn flight_uniforms(key: vec4<u32>) -> vec2<f32> {
+// Three independent uniforms in [0, 1) for a flight through media along the ray with this key. They are independent of the choices
+// at surfaces with alpha.
+fn flight_uniforms(key: vec4<u32>) -> vec3<f32> {
     let words = pcg4d(vec4<u32>(key.x, key.y, key.z | FLIGHT_BIT, key.w));
-    return vec2<f32>(words.xy >> vec2<u32>(8u)) * (1.0 / 16777216.0);
+    return vec3<f32>(words.xyz >> vec3<u32>(8u)) * (1.0 / 16777216.0);
 }
 
 // Product of two words as 64 bits. x: upper word, y: lower word.

@@ -21,7 +21,7 @@ struct Arrival {
 // Traces the ray of `state` to the nearest surface, or to a scattering event before it, and moves the subpath there. With
 // `is_direct` the subpath never scatters: the throughput falls by the transmittance instead. `key`: see `trace`. `u`: samples the
 // flight.
-fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: bool, key: vec4<u32>, u: vec2<f32>) -> Arrival {
+fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: bool, key: vec4<u32>, u: vec3<f32>) -> Arrival {
     var a: Arrival;
     a.carried = 1.0;
     let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
@@ -72,7 +72,7 @@ fn find_solid(state: ptr<function, PathState>, surface: Surface) -> u32 {
 }
 
 // The flight of a subpath along its ray, at most as far as `limit`. Other arguments: see `advance`.
-fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, is_sensor_subpath: bool, u: vec2<f32>) -> Flight {
+fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, is_sensor_subpath: bool, u: vec3<f32>) -> Flight {
     if (is_direct) {
         let depths = optical_depths((*state).position, (*state).direction, limit);
         return Flight(false, limit, NONE, transmitted(depths), depths.scattering);

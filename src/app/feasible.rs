@@ -9,7 +9,8 @@ use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::{Gate, METRES_PER_NS};
 
-/// Least width of a suggested gate as a fraction of the scene's diagonal.
+/// Least width of a suggested gate as a fraction of the scene's diagonal. Without triangles: of the time in which 90 % of the light
+/// arrives.
 pub const SUGGESTED_PART: f64 = 0.02;
 
 /// Fails if the travel-time bounds show that no path can meet the gate.
@@ -77,18 +78,22 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
 /// The percentile of the suggested gate.
 pub const MEDIAN: f64 = 50.0;
 
-/// A gate around the time at which `percent` of the light has arrived. It is [`SUGGESTED_PART`] of the scene's diagonal wide, or wider
-/// if 32-bit travel times need it.
+/// A gate around the time at which `percent` of the light has arrived. It is [`SUGGESTED_PART`] wide, or wider if 32-bit travel times
+/// need it. `None` if no light arrived, or all of it at one time in a scene without triangles.
 pub fn suggestion(times: &TravelTimes, scene: &Scene, settings: &Settings, percent: f64) -> Option<Gate> {
-    let (low, high) = bounds(scene)?;
-    let mut width = SUGGESTED_PART * (high - low).length();
-    loop {
+    let whole = match bounds(scene) {
+        Some((low, high)) => (high - low).length(),
+        None => times.percentile(95.0)? - times.percentile(5.0)?,
+    };
+    let mut width = SUGGESTED_PART * whole;
+    while width > 0.0 {
         let gate = times.gate_at(percent, width)?;
         if resolve::is_fine(&gate, scene, settings) {
             return Some(gate);
         }
         width *= 2.0;
     }
+    None
 }
 
 /// World-space bounds of all instances, in metres; `None` without triangles.

@@ -47,7 +47,7 @@ struct Report {
     emitters: Vec<Emitter>,
     materials: Vec<String>,
     materials_in_file: usize,
-    /// Used materials whose meshes contain a medium, with its coefficients.
+    /// Used materials whose meshes contain a medium, with its mean free path and its coefficients.
     interiors: Vec<String>,
     textures: usize,
     images: usize,
@@ -371,5 +371,6 @@ pub fn arrival(percent: f64, metres: f64) -> Arrival {
 fn describe_interior(material: &str, medium: &SceneMedium) -> String {
     let numbers = |sigma: [f64; 3]| sigma.map(feasible::short).join(", ");
     let (scattering, absorption) = (numbers(medium.sigma_s), numbers(medium.sigma_a));
-    format!("{material} contains a medium: scattering ({scattering}), absorption ({absorption}) per metre")
+    let events = Medium::new(medium).events();
+    format!("{material} contains a medium: {events}; scattering ({scattering}), absorption ({absorption}) per metre")
 }

@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::space::RenderSpace;
-use crate::scene::{DensityGrid, GridFilter};
+use crate::scene::{DensityGrid, GridFilter, Scene};
 use crate::wgsl::layout::Grid;
 use crate::wgsl::layout::constants::BLOCK;
 
@@ -13,6 +13,10 @@ pub type Texel = [u32; 4];
 
 /// Marks a block whose density varies.
 const VARIES: f32 = -1.0;
+/// Number of steps from density 0 to the largest density of a grid.
+const STEPS: f64 = 65535.0;
+/// Share of the mass of a grid that rounding may move without a warning.
+const ROUNDED_SHARE: f64 = 0.01;
 
 /// Number of cells and blocks of a grid.
 pub fn texel_count(grid: &DensityGrid) -> u64 {
@@ -24,7 +28,7 @@ pub fn texel_count(grid: &DensityGrid) -> u64 {
 /// The record of a grid. Its cells and blocks are appended to `densities`.
 pub fn convert(grid: &DensityGrid, space: &RenderSpace, densities: &mut Vec<Texel>) -> Grid {
     let cells = Cells::new(grid);
-    let scale = grid.density.iter().copied().fold(0.0, f32::max);
+    let scale = largest(grid);
     let mean = grid.density.iter().map(|&d| f64::from(d)).sum::<f64>() / grid.density.len() as f64;
     let first = densities.len() as u32;
     let [nx, ny, nz] = cells.count.map(|n| n as usize);
@@ -38,6 +42,42 @@ pub fn convert(grid: &DensityGrid, space: &RenderSpace, densities: &mut Vec<Texe
     let [x, y, z] = rows(grid, space, cells.margin);
     let is_linear = u32::from(grid.filter == GridFilter::Linear);
     Grid { x, y, z, cells: cells.count, first, first_block, scale, mean: mean as f32, is_linear }
+}
+
+fn largest(grid: &DensityGrid) -> f32 {
+    grid.density.iter().copied().fold(0.0, f32::max)
+}
+
+/// A density in steps of `scale` / [`STEPS`].
+fn steps(density: f32, scale: f32) -> u32 {
+    (f64::from(density) / f64::from(scale).max(f64::MIN_POSITIVE) * STEPS).round() as u32
+}
+
+/// One text per grid whose thin parts are lost or changed, because the device stores its densities in [`STEPS`].
+pub fn warnings(scene: &Scene) -> Vec<String> {
+    let grids = scene.media.iter().enumerate().filter_map(|(i, medium)| Some((i + 1, medium.grid.as_ref()?)));
+    let rounded = grids.map(|(number, grid)| (number, rounded_share(grid))).filter(|(_, share)| *share > ROUNDED_SHARE);
+    let text = |(number, share): (usize, f64)| {
+        format!(
+            "the density grid of medium {number} has parts far thinner than its densest voxel. Densities are rounded to 1/65535 of \
+             the largest one, which adds or removes {:.0} % of the mass: lower the largest densities, or give the densest part a \
+             grid of its own in a further table [[medium]]",
+            100.0 * share
+        )
+    };
+    rounded.map(text).collect()
+}
+
+/// Share of the mass of a grid that rounding adds or removes.
+fn rounded_share(grid: &DensityGrid) -> f64 {
+    let scale = largest(grid);
+    let (mut moved, mut mass) = (0.0, 0.0);
+    for &density in &grid.density {
+        let stored = f64::from(steps(density, scale)) / STEPS * f64::from(scale);
+        moved += (stored - f64::from(density)).abs();
+        mass += f64::from(density);
+    }
+    if mass > 0.0 { moved / mass } else { 0.0 }
 }
 
 /// Rows of the map from render space to the space of cells.
@@ -85,10 +125,8 @@ impl<'a> Cells<'a> {
     /// The densities at the corners of a cell in units of `scale`.
     fn texel(&self, at: [usize; 3], scale: f32) -> Texel {
         let [x, y, z] = [0, 1, 2].map(|axis| self.ends(at[axis], self.grid.resolution[axis]));
-        let share =
-            |density: f32| (f64::from(density) / f64::from(scale).max(f64::MIN_POSITIVE) * 65535.0).round() as u32;
         [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[j, k]| {
-            let [low, high] = x.map(|x| share(self.density([x, y[j], z[k]])));
+            let [low, high] = x.map(|x| steps(self.density([x, y[j], z[k]]), scale));
             low | high << 16
         })
     }
@@ -104,5 +142,32 @@ impl<'a> Cells<'a> {
         let density = self.density([*x.start(), *y.start(), *z.start()]);
         let row = |y, z| x.clone().all(|x| self.density([x, y, z]) == density);
         z.clone().all(|z| y.clone().all(|y| row(y, z))).then_some(density)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Medium;
+
+    #[test]
+    fn thin_parts_beside_a_dense_voxel_are_warned_about() {
+        let warnings = |density: Vec<f32>| {
+            let resolution = [density.len() as u32, 1, 1];
+            let bounds = [DVec3::ZERO, DVec3::ONE];
+            let transform = DAffine3::IDENTITY;
+            let grid = DensityGrid { resolution, density, bounds, transform, filter: GridFilter::Linear };
+            warnings(&Scene { media: vec![Medium { grid: Some(grid), ..Medium::default() }], ..Scene::default() })
+        };
+        // A plume in clear air, and smoke a hundred times thinner than the densest voxel.
+        let plume = (0..1000).map(|i| (-1e-3 * f64::from(i * i)).exp() as f32).collect();
+        let smoke = (0..1000).map(|i| if i == 0 { 1.0 } else { 0.01 }).collect();
+        assert_eq!(
+            [warnings(vec![0.0; 9]), warnings(vec![0.7; 9]), warnings(plume), warnings(smoke)].concat(),
+            [""; 0]
+        );
+        // Smoke below half a step vanishes: 20,000 voxels have a tenth of the mass.
+        let lost = warnings((0..20_000).map(|i| if i == 0 { 1.0 } else { 1.0 / 180_000.0 }).collect());
+        assert!(lost.len() == 1 && lost[0].contains("medium 1") && lost[0].contains(" 10 % of the mass"), "{lost:?}");
     }
 }

@@ -5,14 +5,14 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Scene, surrounding_indices};
+use crate::scene::{Material, Mesh, Scene, surrounding_indices};
 
-/// Fails if a mesh is a null boundary (see [`crate::scene::Material::is_null_boundary`]) and is not closed.
+/// Fails if a mesh is not closed, but [`must_be_closed`].
 pub fn check(scene: &Scene) -> Result<()> {
     let [outside, _] = surrounding_indices(&scene.media);
     for mesh in &scene.meshes {
         let material = &scene.materials[mesh.material as usize];
-        let edges = if material.is_null_boundary(mesh, outside) { open_edges(mesh) } else { 0 };
+        let edges = if must_be_closed(material, mesh, outside) { open_edges(mesh) } else { 0 };
         if edges > 0 {
             return Err(Error::Settings(format!(
                 "mesh '{}' bounds a medium but is not closed ({edges} of its edges belong to one triangle only); close it, or \
@@ -22,6 +22,13 @@ pub fn check(scene: &Scene) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether `mesh`, which has this material, is a null boundary (see [`Material::is_null_boundary`]), or glass with a medium inside that
+/// scatters. Open glass that only absorbs is common in files of other programs, such as the surface of a pool.
+fn must_be_closed(material: &Material, mesh: &Mesh, outside: f32) -> bool {
+    let scatters = material.interior.as_ref().is_some_and(|medium| medium.sigma_s != [0.0; 3]);
+    (scatters && material.transmits()) || material.is_null_boundary(mesh, outside)
 }
 
 /// Whether the triangles of a closed mesh face inwards: its signed volume is negative. A cavity counts as negative volume, so a hollow
@@ -62,7 +69,7 @@ mod tests {
 
     use super::*;
     use crate::generate::shapes::{append, ball, cuboid, icosphere, inside_out, torus};
-    use crate::scene::{Material, Medium};
+    use crate::scene::Medium;
 
     /// The colours of a mesh tint the light that passes through.
     #[test]
@@ -75,6 +82,23 @@ mod tests {
         assert!(smoke.is_null_boundary(&cuboid(DVec3::ZERO, DVec3::ONE), 1.0));
         assert!(smoke.is_null_boundary(&with([1.0, 1.0, 1.0, 0.5]), 1.0));
         assert!(!smoke.is_null_boundary(&with([1.0, 0.9, 1.0, 1.0]), 1.0));
+    }
+
+    #[test]
+    fn glass_around_a_medium_that_scatters_must_be_closed() {
+        let milk = Medium { sigma_s: [0.0, 0.0, 1.0], ..Medium::default() };
+        let juice = Medium { sigma_a: [1.0; 3], ..Medium::default() };
+        let (closed, mut open) = (cuboid(DVec3::ZERO, DVec3::ONE), cuboid(DVec3::ZERO, DVec3::ONE));
+        open.triangles.truncate(10);
+        let fails = |mesh: &Mesh, ior: f32, interior: &Medium, metallic: f32| {
+            let interior = Some(interior.clone());
+            let material = Material { interior, ior, metallic, ..Material::glass("bottle") };
+            check(&Scene { meshes: vec![mesh.clone()], materials: vec![material], ..Scene::default() }).is_err()
+        };
+        assert!(fails(&open, 1.33, &milk, 0.0) && fails(&open, 1.0, &milk, 0.0) && fails(&open, 1.0, &juice, 0.0));
+        // No light enters metal.
+        assert!(!fails(&open, 1.33, &juice, 0.0) && !fails(&open, 1.33, &milk, 1.0));
+        assert!(!fails(&closed, 1.33, &milk, 0.0) && !fails(&closed, 1.0, &milk, 0.0));
     }
 
     #[test]

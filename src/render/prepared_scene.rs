@@ -8,7 +8,7 @@ use super::geometry::Geometry;
 use super::media::Media;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, enclosed, far_objects, null_boundary, oversized, pinhole_in_fog};
+use super::{coplanar, enclosed, far_objects, grid, null_boundary, oversized, pinhole_in_fog};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -134,7 +134,7 @@ impl PreparedScene {
 
     /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
     /// far too large, and objects that are far too distant. They also name lamps and pinholes inside of glass, a lamp at the pinhole in
-    /// fog, and lamps in the plane of another surface.
+    /// fog, lamps in the plane of another surface, and density grids that lose thin parts.
     pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
@@ -149,7 +149,8 @@ impl PreparedScene {
         let enclosed = enclosed::warnings(scene, space, self.sensor, self.powers());
         let at_pinhole = pinhole_in_fog::warning(scene, settings, space, self.sensor, self.powers());
         let coplanar = coplanar::warnings(scene, geometry, space);
-        copies.into_iter().chain(oversized).chain(far).chain(enclosed).chain(at_pinhole).chain(coplanar).collect()
+        let warnings = copies.into_iter().chain(oversized).chain(far).chain(enclosed).chain(at_pinhole).chain(coplanar);
+        warnings.chain(grid::warnings(scene)).collect()
     }
 
     /// Number of triangles over all instances, without copies.

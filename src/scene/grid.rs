@@ -15,6 +15,10 @@ use crate::error::{Error, Result};
 /// Largest header of a grid's file in bytes. Headers of `.npy` files are about 128 bytes long.
 const MAX_HEADER: u64 = 1 << 16;
 
+/// The remedy for a file with several values per voxel.
+const ONE_DENSITY: &str = "save one density per voxel, such as the mean of the channels, and give the colour as three numbers in \
+                           sigma_s and sigma_a";
+
 /// The contents of a file, before it is placed in the scene.
 #[derive(Debug, PartialEq)]
 struct Contents {

@@ -62,7 +62,23 @@ fn a_grid_needs_a_box_and_coefficients() {
     let flat = "1,0,0,0,0,0,0,0,0,0,1,0";
     fails(here.path(), &with(&["--sigma-s", "1", BOUNDS, "--grid-transform", flat]), 2, "give an invertible matrix");
     fails(here.path(), &["info", "box.glb", "--sigma-s", "1", "--grid-filter", "linear"], 2, "needs --density-grid");
-    let info = taugate(here.path(), &with(&["--sigma-s", "1", BOUNDS]));
+}
+
+/// A voxel a million times as dense as the others.
+#[test]
+fn info_shows_the_memory_of_a_grid_and_warns_about_lost_parts() {
+    let here = folder();
+    generate(here.path());
+    let mut density = vec![1e-6; 1 << 18];
+    density[0] = 1.0;
+    std::fs::write(here.path().join("a.npy"), npy("<f4", "(64, 64, 64)", &density)).unwrap();
+    let info = taugate(here.path(), &["info", "box.glb", "--density-grid", "a.npy", "--sigma-s", "1", BOUNDS]);
     let text = String::from_utf8(info.stdout).unwrap();
-    assert!(info.status.success() && text.contains("grid of 2x2x2 voxels"), "{text}");
+    for part in [
+        // 65 x 65 x 65 cells and 9 x 9 x 9 blocks with 16 bytes each.
+        "grid of 64x64x64 voxels (1.0 MiB on the host, 4.2 MiB on the device)",
+        "the density grid of medium 1 has parts far thinner than its densest voxel",
+    ] {
+        assert!(info.status.success() && text.contains(part), "{text}");
+    }
 }

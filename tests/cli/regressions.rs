@@ -12,7 +12,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::resolve;
 use taugate::internals::scene::{Light, LightKind, gltf};
 
-use crate::taugate;
+use crate::{fails, names, taugate};
 
 fn cornell_box(folder: &Path) {
     assert!(taugate(folder, &["generate", "cornell-box", "-o", "box.glb"]).status.success());
@@ -63,6 +63,24 @@ fn a_scene_whose_lights_have_no_power_is_named() {
     let message = String::from_utf8(output.stderr).unwrap();
     let expected = "error: dark.glb: nothing emits light (a light of power 0";
     assert!(output.status.code() == Some(2) && message.contains(expected), "{message}");
+}
+
+/// Rays that enter an open bottle through its neck would not find the milk inside, and the image would be wrong.
+#[test]
+fn an_open_mesh_around_a_medium_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut glb = complete();
+    glb.json["materials"][0]["extensions"]["KHR_materials_transmission"]["transmissionFactor"] = json!(1.0);
+    glb.json["materials"][0]["extras"] = json!({ "medium": { "sigma_s": 20.0 } });
+    std::fs::write(folder.path().join("bottle.glb"), glb.build()).unwrap();
+    let part = "mesh 'Tri[0]' bounds a medium but is not closed (3 of its edges belong to one triangle only); close it";
+    fails(folder.path(), &["render", "bottle.glb", "-o", "out.exr"], 2, part);
+    assert_eq!(names(folder.path()), ["bottle.glb"]);
+    let text = String::from_utf8(taugate(folder.path(), &["info", "bottle.glb"]).stdout).unwrap();
+    for part in ["Paint contains a medium: mean free path 0.0500000 m, 100.000 % scattered", "cannot be rendered: mesh"]
+    {
+        assert!(text.contains(part), "{text}");
+    }
 }
 
 /// A program that opens a pipe waits until another program writes to it. Inputs that are pipes must be refused instead.

@@ -27,6 +27,9 @@ fn grid(resolution: [u32; 3], density: Vec<f32>, filter: GridFilter) -> Medium {
     Medium { bounds: None, grid: Some(grid), ..fog(BOX, 1.0) }
 }
 
+/// Gates of [`images`].
+const GATES: [[f64; 2]; 3] = [[5.0, 5.8], [5.8, 6.6], [0.0, f64::INFINITY]];
+
 /// Values of images by `bdpt` through abutting gates and without a gate. `lcs` would make other random choices after each rounding,
 /// because the order of its light vertices may change.
 fn images(scene: &Scene) -> Vec<f32> {
@@ -37,7 +40,7 @@ fn images(scene: &Scene) -> Vec<f32> {
         (0..4).for_each(|_| renderer.iterate(8).unwrap());
         renderer.film().mean()
     };
-    [[5.0, 5.8], [5.8, 6.6], [0.0, f64::INFINITY]].into_iter().flat_map(&mut image).collect()
+    GATES.into_iter().flat_map(&mut image).collect()
 }
 
 /// Fraction of the lit values with a relative difference above 1e-4.
@@ -46,13 +49,22 @@ fn share_that_differs(a: &[f32], b: &[f32]) -> f64 {
     lit().filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.max(**b)).count() as f64 / lit().count() as f64
 }
 
-/// Two versions of a medium give the same image except for rounding, which seldom changes a random choice. A third medium, whose
-/// density is a few per cent higher, gives another image.
+/// Two versions of a medium give the same image except for rounding, which seldom changes a random choice. So the mean of the image
+/// is the same in each gate. A third medium, whose density is a few per cent higher, gives another image.
 fn assert_only_rounding(name: &str, image: &[f32], same: &[f32], other: &[f32]) {
     let (rounding, control) = (share_that_differs(image, same), share_that_differs(image, other));
     eprintln!("{name}: {rounding:.1e} of the values differ, {control:.2} with another density");
     assert!(rounding < 0.02, "{name}: {rounding}");
     assert!(control > 0.5, "{name}: {control}");
+    let mean = |image: &[f32], gate: usize| {
+        let part = image.chunks(image.len() / GATES.len()).nth(gate).expect("one image per gate");
+        part.iter().map(|&x| f64::from(x)).sum::<f64>()
+    };
+    for (i, gate) in GATES.iter().enumerate() {
+        let ratio = mean(same, i) / mean(image, i);
+        eprintln!("{name} {gate:?}: the means differ by {:.1e}", ratio - 1.0);
+        assert!((ratio - 1.0).abs() < 3e-3, "{name} {gate:?}: {ratio}");
+    }
 }
 
 /// Flights use the same random numbers with and without a grid.

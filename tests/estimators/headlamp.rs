@@ -7,14 +7,14 @@ use taugate::internals::generate::{Kind, build};
 use taugate::internals::image::depth;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::scenery;
-use taugate::internals::scene::{LightKind, Scene};
+use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::frequencies::Frequencies;
 use taugate::internals::settings::units::Gate;
 
 use super::agreement::{against, assert_none, oracle, unlike_estimators};
 use super::cells::{Cells, renderer, settings};
-use super::fog::fog;
+use super::fog::{self, fog};
 
 const INTENSITY: f32 = 3.0;
 const ALBEDO: f32 = 0.6;
@@ -105,4 +105,19 @@ fn fog_before_a_headlamp_gives_finite_samples() {
     let mut renderer = renderer(&fog(DVec3::ZERO), &settings(Estimator::Lcs, [32, 32]).build().unwrap());
     renderer.iterate(16).unwrap();
     assert_eq!(renderer.stats().dropped, 0);
+}
+
+/// The radiance is sigma_s I / (4 pi) times the integral of exp(-2 sigma_t r) / r^2 over r from 20 m to 25 m.
+#[test]
+fn fog_returns_the_light_of_a_headlamp_as_the_closed_form_says() {
+    let phase = PhaseFunction::Isotropic;
+    let medium = Medium { sigma_s: [0.04; 3], sigma_a: [0.01; 3], phase, ..Medium::default() };
+    let scene = Scene { media: vec![medium], ..fog(DVec3::ZERO) };
+    let (found, error) = fog::mean(&scene, Estimator::Lcs, [40.0, 50.0]);
+    let truth = f64::from(fog::INTENSITY) * 3.45304e-6;
+    eprintln!("{:+.3} % +- {:.3} %", 100.0 * (found / truth - 1.0), 100.0 * error / truth);
+    let is_near = |truth: f64| (found / truth - 1.0).abs() < 5e-3;
+    assert!(is_near(truth) && error < 1e-3 * truth, "{found} +- {error}, {truth}");
+    // A coefficient that is wrong by 3 % is rejected.
+    assert!(!is_near(1.03 * truth) && !is_near(0.97 * truth), "{found}");
 }

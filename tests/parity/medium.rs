@@ -23,7 +23,7 @@ const TRANSMITTANCE: ShaderFunction = ShaderFunction {
 
 const FLIGHT: ShaderFunction = ShaderFunction {
     imports: &["guided_flight"],
-    input: "u: vec2<f32>, kind: u32, pad: u32",
+    input: "u: vec3<f32>, kind: u32",
     result: "weight: vec3<f32>, distance: f32, medium: u32, scattered: u32, pad0: u32, pad1: u32",
     body: "let o = vec3<f32>(-3.0, 0.1, 0.2);
         let d = vec3<f32>(1.0, 0.0, 0.0);
@@ -50,10 +50,9 @@ struct Ray {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Draw {
-    u: [f32; 2],
+    u: [f32; 3],
     /// 0: flight on a light subpath; 1: on a sensor subpath; 2: on a sensor subpath, guided into the gate.
     kind: u32,
-    pad: u32,
 }
 
 #[repr(C)]
@@ -142,9 +141,15 @@ fn the_last_medium_counts_along_a_ray() {
 
 /// Flights of a kind through a gate; the lamp is at (-2, 1.5, 0.2).
 fn flights(media: &[Medium], kind: u32, gate: [f32; 2]) -> Vec<Flight> {
+    flights_from(media, kind, gate, |u| u as f32)
+}
+
+/// As `flights`. `first` maps a uniform to the number that chooses between the end of the ray and an event.
+fn flights_from(media: &[Medium], kind: u32, gate: [f32; 2], first: impl Fn(f64) -> f32) -> Vec<Flight> {
     let mut pcg = Pcg::new(8);
-    let draws: Vec<Draw> =
-        (0..400_000).map(|_| Draw { u: [pcg.uniform() as f32, pcg.uniform() as f32], kind, pad: 0 }).collect();
+    let draws: Vec<Draw> = (0..400_000)
+        .map(|_| Draw { u: [first(pcg.uniform()), pcg.uniform() as f32, pcg.uniform() as f32], kind })
+        .collect();
     let buffers = buffers(media, |f| {
         (f.emitter_lo, f.emitter_hi) = ([-2.0, 1.5, 0.2], [-2.0, 1.5, 0.2]);
         [f.gate_lo, f.gate_hi] = gate;
@@ -203,6 +208,34 @@ fn guided_flights_end_inside_the_gate() {
     let share = found.iter().filter(|f| f64::from(f.distance) > first).count() as f64 / found.len() as f64;
     let unguided = 1.0 - march(DVec3::new(-3.0, 0.1, 0.2), DVec3::X, first, 200_000)[1].x / scattered.x;
     assert!(share > 0.5 && unguided < 0.5, "{share}, {unguided}");
+}
+
+/// Random numbers have steps of 2^-24. Outcomes that only a few steps choose have their probability nevertheless: an event in the
+/// thinnest fog, and the end of a ray in thick fog.
+#[test]
+fn rare_outcomes_have_their_probability() {
+    const STEP: f64 = 1.0 / (1 << 24) as f64;
+    // All outcomes that this test counts are among the first or the last eight steps, so only these are drawn.
+    let step = |u: f64| (8.0 * u).floor() * STEP;
+    let mean = |found: &[Flight], counts: &dyn Fn(&Flight) -> bool| {
+        let weights = found.iter().filter(|f| counts(f)).map(|f| f64::from(f.weight[0]));
+        8.0 * STEP * weights.sum::<f64>() / found.len() as f64
+    };
+    let fog = |sigma_s: f32| [Medium { sigma_s: [sigma_s; 3], sigma_a: [0.0; 3], ..media()[0] }];
+
+    // The fog fills 4 m of the ray. Light from its last part is inside the gate.
+    let gate = reach(7.5 - 0.5);
+    for sigma_s in [4e-8, 9e-8] {
+        let found = flights_from(&fog(sigma_s), 2, [7.5, 30.0], |u| (1.0 - STEP - step(u)) as f32);
+        for [lo, hi] in [[1.0, gate], [gate, 5.0]] {
+            let inside = |f: &Flight| f.scattered == 1 && (lo..hi).contains(&f64::from(f.distance));
+            let ratio = mean(&found, &inside) / (f64::from(sigma_s) * (hi - lo));
+            assert!((ratio - 1.0).abs() < 0.03, "{sigma_s} per metre, {lo} m to {hi} m: {ratio}");
+        }
+    }
+    let found = flights_from(&fog(3.75), 0, [0.0; 2], |u| step(u) as f32);
+    let ratio = mean(&found, &|f| f.scattered == 0) / (-15f64).exp();
+    assert!((ratio - 1.0).abs() < 0.01, "an optical depth of 15: {ratio}");
 }
 
 /// A guided event may lie in the gap between two boxes. It carries no light, but its medium must exist.

@@ -6,10 +6,11 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::wgsl::layout::Medium;
 
 use crate::materials::set;
 use crate::scatter::buffers;
-use crate::shader_function::{ShaderFunction, contents};
+use crate::shader_function::{CompiledFunction, ShaderFunction, contents};
 use crate::values::{direction, frame, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&WEIGHTS];
@@ -42,17 +43,26 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             e.pdf_direction = select(emitter_profile(e.vertex, e.direction).y, load_sky().disk_pdf, from_sky);
             start_light_sums(&light, e);
         }
-        light.flags = select(0u, PATH_PARALLEL, from_sky);
+        light.flags = select(0u, PATH_PARALLEL, from_sky) | select(0u, PATH_LEAVES_CONNECTED, !area && !beam && !from_sky);
         if (area) { e.vertex.d_vcm = emitter_point_sum(e.density); e.vertex.select_pdf = 1.0; }
         e.vertex.flags |= u32(area) << VERTEX_RANDOM_SHIFT; lights[0] = e.vertex;
         var deterministic = path.kind == 5u; var random = select(u32(area), 2u, from_sky);
         for (var i = 0u; i < k; i++) {
             var v = lights[i];
             if (i > 0u) {
-                var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
-                surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
-                find_solid(&light, surface);
-                v = arrive(&light, surface);
+                let d = distance(path.place[i].xyz, light.position);
+                let depth = optical_depths(light.position, light.direction, d).scattering;
+                if ((light.flags & PATH_PARALLEL) == 0u) { light.d_vcm = min(light.d_vcm / mis(flight_density(depth)), MAX_SUM); }
+                if (path.place[i].w > 0.0) {
+                    v = arrive_in_medium(&light, Flight(true, d, 0u, vec3<f32>(1.0), depth));
+                    v.flags |= select(0u, VERTEX_FOLLOWS_CONNECTED, (light.flags & PATH_LEAVES_CONNECTED) != 0u);
+                    deterministic = false;
+                } else {
+                    var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
+                    surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
+                    find_solid(&light, surface);
+                    v = arrive(&light, surface);
+                }
                 if (HAS_ELLIPSOIDS && i > 1u) { add_auxiliary_sum(&v, lights[i - 1u]); }
                 if (deterministic) { v.select_pdf = path.select_pdf; v.flags |= VERTEX_DETERMINISTIC; }
                 random = select(min(random + 1u, 3u), 0u, deterministic); v.flags |= random << VERTEX_RANDOM_SHIFT;
@@ -65,7 +75,10 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             if (i > 0u && i + 1u < k) {
                 var s: Scatter; s.pdf = c.pdf / selection_pdf(v); s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(v);
+                if (follows_connected(v)) { light.d_vcm = min(light.d_vcm * mis(density_gain(v.material, v.to_previous, light.direction)), MAX_SUM); }
                 mis_scatter(&light, v, s, sample_count_ratio(v) * selection_pdf(v));
+                let leaves_connected = deterministic && !s.delta && light.d_vcm > 0.0;
+                light.flags = (light.flags & ~PATH_LEAVES_CONNECTED) | select(0u, PATH_LEAVES_CONNECTED, leaves_connected);
                 deterministic = deterministic && s.delta;
             }
         }
@@ -80,10 +93,18 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
                 if (frame.keep_s0 > 0.0) { result.weights[0] = sky_escape_weight(sensor, k, path.density); }
                 break;
             }
-            var surface: Surface; surface.position = path.place[j].xyz; surface.geometric = path.geometric[j].xyz;
-            surface.normal = path.normal[j].xyz; surface.material = bitcast<u32>(path.normal[j].w);
-            find_solid(&sensor, surface);
-            var q = arrive(&sensor, surface);
+            let d = distance(path.place[j].xyz, sensor.position);
+            let depth = optical_depths(sensor.position, sensor.direction, d).scattering;
+            if ((sensor.flags & PATH_PARALLEL) == 0u) { sensor.d_vcm = min(sensor.d_vcm / mis(flight_density(depth)), MAX_SUM); }
+            var q: PathVertex;
+            if (path.place[j].w > 0.0) {
+                q = arrive_in_medium(&sensor, Flight(true, d, 0u, vec3<f32>(1.0), depth));
+            } else {
+                var surface: Surface; surface.position = path.place[j].xyz; surface.geometric = path.geometric[j].xyz;
+                surface.normal = path.normal[j].xyz; surface.material = bitcast<u32>(path.normal[j].w);
+                find_solid(&sensor, surface);
+                q = arrive(&sensor, surface);
+            }
             q.flags |= n + 1u;
             if (HAS_ELLIPSOIDS && n > 1u) { add_auxiliary_sum(&q, sensors[j + 1u]); }
             sensors[j] = q;
@@ -103,11 +124,14 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             result.weights[0] = emitter_weight(sensors[0], k, path.density, emitted);
         }
         for (var s = 1u; s < k; s++) {
-            let v = lights[s - 1u]; let q = sensors[s];
+            let v = lights[s - 1u]; var q = sensors[s];
+            // On the first segment, light subpaths do not form the events that are drawn in the gate (shared/fog.wgsl).
+            if (is_in_medium(q) && is_drawn_in_gate(v) && s + 1u == k && !from_sky) { q.d_vcm = 0.0; }
             let stands = select(is_connectible(v), !beam, s == 1u) && is_connectible(q);
             if (stands && (s == 1u || frame.keep_s2 > 0.0)) {
-                let offset = v.position - q.position;
-                result.weights[s] = connection_weight(q, v, to_emitter[s], to_sensor[s - 1u], dot(offset, offset));
+                let between = segment_between(q.position, v.position);
+                let reached = flight_density(segment_depths(q, between.direction, sqrt(between.length2)).scattering);
+                result.weights[s] = connection_weight(q, v, to_emitter[s], to_sensor[s - 1u], between.length2 / reached);
                 if (from_sky && s == 1u) {
                     result.weights[s] = sky_connection_weight(q, to_emitter[s], path.density);
                 }
@@ -121,9 +145,10 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
                     vec2<f32>(to_v.length2, to_q.length2), to_v.direction, sqrt(to_v.length2), to_q.direction, sqrt(to_q.length2));
             }
         }
-        if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u])) {
+        if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u]) && !follows_connected(lights[k - 1u])) {
             let v = lights[k - 1u]; let c = to_sensor[k - 1u];
-            let density = pixel_pdf(dot(-seen.direction, frame.forward));
+            let reached = flight_density(segment_depths(v, seen.direction, seen.length).scattering);
+            let density = pixel_pdf(dot(-seen.direction, frame.forward)) * select(reached, 1.0, HAS_ORTHOGRAPHIC);
             let spread = select(seen.length * seen.length, 1.0, HAS_ORTHOGRAPHIC);
             result.weights[k] = splat_weight(v, c, density * c.cosine / spread);
         }",
@@ -132,6 +157,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Path {
+    /// Position; last 1 for a scattering event in fog, otherwise 0.
     place: [[f32; 4]; LONGEST],
     geometric: [[f32; 4]; LONGEST],
     normal: [[f32; 4]; LONGEST],
@@ -146,8 +172,8 @@ const KINDS: [u32; 6] = [0, 1, 2, 4, 5, 6];
 
 /// A random path. Both neighbours of a vertex are in front of its surface. If the path `crosses` glass, this holds for three
 /// quarters of the vertices, and at the others the path passes through rough glass. Shading normals differ from the geometric
-/// ones, and a quarter of the vertices are mirrors.
-fn path(pcg: &mut Pcg, kind: u32, segments: usize, orthographic: bool, crosses: bool) -> Path {
+/// ones, and a quarter of the vertices are mirrors. In `fog`, a third of the vertices are scattering events.
+fn path(pcg: &mut Pcg, kind: u32, segments: usize, Paths { orthographic, crosses, fog }: Paths) -> Path {
     let set = set();
     let glass = set.named("rough glass", 1.0) as u32;
     // Not the emitter, which is the last place from the sensor.
@@ -190,11 +216,20 @@ fn path(pcg: &mut Pcg, kind: u32, segments: usize, orthographic: bool, crosses: 
             false => wide[pcg.below(wide.len())],
         };
         let four = |v: DVec3, w: f32| [vec3(v)[0], vec3(v)[1], vec3(v)[2], w];
-        path.place[i] = four(places[i], 0.0);
+        let is_event = fog && i > 0 && pcg.below(3) == 0;
+        path.place[i] = four(places[i], f32::from(u8::from(is_event)));
         path.geometric[i] = four(geometric, 0.0);
         path.normal[i] = four(normal, f32::from_bits(material));
     }
     path
+}
+
+/// Which paths a test draws.
+#[derive(Clone, Copy, Default)]
+struct Paths {
+    orthographic: bool,
+    crosses: bool,
+    fog: bool,
 }
 
 /// Strategies that a render keeps: s = 0, t = 1, and s >= 2 (s = 1 is always kept).
@@ -202,7 +237,7 @@ const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 
 
 /// The weights of all strategies for every path, indexed by s; -1 where a strategy is not formed. `sample_count` is the
 /// number of samples that the connection strategy takes at a random light vertex.
-fn weights(kept: [f32; 3], sample_count: f32, constants: &[(&str, f64)], paths: &[Path]) -> Vec<[f32; 12]> {
+fn weights(kernel: &CompiledFunction, kept: [f32; 3], sample_count: f32, paths: &[Path]) -> Vec<[f32; 12]> {
     // If two buffers have the same name, the first is bound. `buffers` also returns a `frame`.
     let mut all = vec![frame(|f| {
         f.forward = [0.0, 0.0, -1.0];
@@ -210,10 +245,13 @@ fn weights(kept: [f32; 3], sample_count: f32, constants: &[(&str, f64)], paths: 
         f.query_sample_count = sample_count;
         [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / sample_count.powi(2), kept[1] / sample_count.powi(2), kept[2]];
         (f.min_detour, f.auxiliary_density) = (0.3, 0.2);
+        (f.media_count, f.gate_lo, f.gate_hi) = (1, 3.0, 3.2);
     })];
+    let fog = Medium { lo: [-3e38; 3], hi: [3e38; 3], sigma_s: [0.9, 0.6, 0.3], g: 0.5, ..Zeroable::zeroed() };
+    all.push(contents("media", &[fog]));
     all.push(contents("sky", &[1u32, 1, 0.3f32.to_bits(), 0.7f32.to_bits()]));
     all.extend(buffers());
-    WEIGHTS.compile(constants).run(paths, &all)
+    kernel.run(paths, &all)
 }
 
 /// Indices of the paths whose weights do not sum to 1 if the strategy s = `without` is left out, and the number of paths for
@@ -241,30 +279,42 @@ fn wrong(
 
 #[test]
 fn weights_of_a_path_sum_to_one() {
-    sum_to_one(false, false);
+    sum_to_one(Paths::default(), &[]);
 }
 
 #[test]
 fn weights_of_a_path_through_rough_glass_sum_to_one() {
-    sum_to_one(false, true);
+    sum_to_one(Paths { crosses: true, ..Paths::default() }, &[]);
 }
 
 #[test]
 fn weights_of_a_path_to_an_orthographic_camera_sum_to_one() {
-    sum_to_one(true, false);
+    sum_to_one(Paths { orthographic: true, ..Paths::default() }, &[("HAS_ORTHOGRAPHIC", 1.0)]);
 }
 
-fn sum_to_one(orthographic: bool, crosses: bool) {
+/// With and without events that are drawn in the gate. The sky does not shine through a medium that fills all space, but its strategies
+/// do not depend on the extent of the medium.
+#[test]
+fn weights_of_a_path_in_fog_sum_to_one() {
+    for draws_in_gate in [0.0, 1.0] {
+        let constants = [("HAS_NULL_BOUNDARIES", 0.0), ("HAS_INTERIORS", 0.0), ("HAS_GRIDS", 0.0)];
+        sum_to_one(
+            Paths { fog: true, ..Paths::default() },
+            &[&constants[..], &[("DRAWS_IN_GATE", draws_in_gate)]].concat(),
+        );
+    }
+}
+
+fn sum_to_one(drawn: Paths, constants: &[(&str, f64)]) {
     let mut pcg = Pcg::new(151);
     let segments: Vec<usize> = (0..6000).map(|i| if i % 60 == 0 { 1 } else { 2 + pcg.below(LONGEST - 1) }).collect();
     let kinds: Vec<u32> = (0..6000).map(|_| KINDS[pcg.below(KINDS.len())]).collect();
     // A path of one segment sees the emitter itself, which must be a surface.
     let kinds: Vec<u32> = kinds.iter().zip(&segments).map(|(&kind, &k)| if k == 1 { kind % 2 } else { kind }).collect();
-    let paths: Vec<Path> =
-        kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, orthographic, crosses)).collect();
+    let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, drawn)).collect();
+    let kernel = WEIGHTS.compile(constants);
     for (kept, sample_count) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|sample_count| (kept, sample_count))) {
-        let constants = [("HAS_ORTHOGRAPHIC", f64::from(u8::from(orthographic)))];
-        let results = weights(kept, sample_count, &constants, &paths);
+        let results = weights(&kernel, kept, sample_count, &paths);
         let (offenders, formed) = wrong(&results, &segments, None, None);
         let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
         assert!(
@@ -292,9 +342,10 @@ fn weights_with_ellipsoidal_connections_sum_to_one() {
     let segments: Vec<usize> = (0..6000).map(|_| 2 + pcg.below(LONGEST - 1)).collect();
     let kinds: Vec<u32> = segments.iter().map(|_| KINDS[pcg.below(5)]).collect();
     let paths: Vec<Path> =
-        kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, false, false)).collect();
+        kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, Paths::default())).collect();
+    let kernel = WEIGHTS.compile(&[("HAS_ELLIPSOIDS", 1.0)]);
     for sample_count in [1.0, 4.0] {
-        let results = weights(KEPT[0], sample_count, &[("HAS_ELLIPSOIDS", 1.0)], &paths);
+        let results = weights(&kernel, KEPT[0], sample_count, &paths);
         let (offenders, formed) = wrong(&results, &segments, None, None);
         let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
         assert!(offenders.is_empty(), "sample_count {sample_count}: {} of {formed}: {shown:?}", offenders.len());

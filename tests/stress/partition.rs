@@ -2,6 +2,7 @@
 
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::Renderer;
+use taugate::internals::scene::{Medium, PhaseFunction, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Strategies};
 
@@ -19,15 +20,15 @@ fn abutting(n: u32) -> Vec<Gate> {
     (0..n).map(|i| Gate { lo: edge(i), hi: edge(i + 1) }).collect()
 }
 
-fn cornell(estimator: Estimator, max_depth: u32, light_paths: u32) -> Renderer {
-    let s = settings(estimator, [8, 8]).max_depth(max_depth).light_paths(light_paths).build().unwrap();
-    renderer(&build(Kind::CornellBox), &s)
+fn cornell(estimator: Estimator, media: Vec<Medium>) -> Renderer {
+    let s = settings(estimator, [8, 8]).max_depth(6).light_paths(100).build().unwrap();
+    renderer(&Scene { media, ..build(Kind::CornellBox) }, &s)
 }
 
 /// Compares the sum of the gated images with the ungated image, with the same seed for all images. Returns the largest difference
 /// in a pixel channel, relative to the mean of the ungated image.
-fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
-    let mut renderer = cornell(estimator, 6, 100);
+fn worst(estimator: Estimator, media: Vec<Medium>, gates: &[Gate]) -> f64 {
+    let mut renderer = cornell(estimator, media);
     let whole = image(&mut renderer, 7, Gate::OPEN, 1, 2);
     let mut total = vec![0.0; whole.len()];
     for &gate in gates {
@@ -43,16 +44,28 @@ fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
 
 #[test]
 fn a_hundred_gates_add_up() {
-    assert!(worst(Estimator::Bdpt, &abutting(100)) < 1e-5);
+    assert!(worst(Estimator::Bdpt, vec![], &abutting(100)) < 1e-5);
     // Negative control: forty gates are missing.
-    assert!(worst(Estimator::Bdpt, &abutting(100)[..60]) > 1e-5);
+    assert!(worst(Estimator::Bdpt, vec![], &abutting(100)[..60]) > 1e-5);
+}
+
+/// Fog fills the box, and the air around the camera.
+#[test]
+fn gates_add_up_in_fog() {
+    let phase = PhaseFunction::HenyeyGreenstein { g: 0.5 };
+    let fog =
+        || vec![Medium { sigma_s: [0.3, 0.2, 0.1], sigma_a: [0.05; 3], phase: phase.clone(), ..Medium::default() }];
+    assert!(worst(Estimator::Pt, fog(), &abutting(15)) < 1e-5);
+    assert!(worst(Estimator::Bdpt, fog(), &abutting(15)) < 1e-5);
+    // Negative control: the light that arrives after 10 m is missing.
+    assert!(worst(Estimator::Bdpt, fog(), &abutting(15)[..7]) > 1e-5);
 }
 
 #[test]
 #[ignore = "takes a minute"]
 fn a_thousand_gates_add_up_with_the_same_seed() {
     for estimator in [Estimator::Pt, Estimator::Bdpt] {
-        assert!(worst(estimator, &abutting(1000)) < 1e-5);
+        assert!(worst(estimator, vec![], &abutting(1000)) < 1e-5);
     }
 }
 

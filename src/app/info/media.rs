@@ -1,7 +1,8 @@
 //! The media in the report of `taugate info`.
 
 use serde::Serialize;
-use taugate::internals::render::Haze;
+use taugate::internals::gpu::buffer_desc::mebibytes;
+use taugate::internals::render::{Haze, grid};
 use taugate::internals::scene::{Medium as SceneMedium, PhaseFunction, Scene};
 
 use crate::app::feasible::short;
@@ -20,7 +21,10 @@ pub struct Medium {
     bounds: Option<[[f64; 3]; 2]>,
     /// Voxels along x, y and z.
     grid: Option<[u32; 3]>,
+    /// Memory of the densities on the host.
     grid_bytes: u64,
+    /// Memory of the cells and blocks of the grid on the device.
+    grid_device_bytes: u64,
 }
 
 impl Medium {
@@ -44,11 +48,16 @@ impl Medium {
             bounds: medium.bounds.map(|bounds| bounds.map(|corner| corner.to_array())),
             grid: medium.grid.as_ref().map(|grid| grid.resolution),
             grid_bytes: medium.grid.as_ref().map_or(0, |grid| size_of_val(&grid.density[..]) as u64),
+            grid_device_bytes: medium
+                .grid
+                .as_ref()
+                .map_or(0, |g| grid::texel_count(g) * size_of::<grid::Texel>() as u64),
         }
     }
 
-    pub fn describe(&self) -> String {
-        let events = match (self.mean_free_path, self.scattering_share) {
+    /// Mean free path, share of scattering and phase function.
+    pub fn events(&self) -> String {
+        match (self.mean_free_path, self.scattering_share) {
             (Some(path), Some(share)) => {
                 format!(
                     "mean free path {} m, {} % scattered, phase function {}",
@@ -58,7 +67,11 @@ impl Medium {
                 )
             }
             _ => "clear".into(),
-        };
+        }
+    }
+
+    pub fn describe(&self) -> String {
+        let events = self.events();
         let index = match (self.ior, self.group_ior) {
             (1.0, 1.0) => String::new(),
             (ior, group_ior) => format!(", index {ior} (group index {group_ior})"),
@@ -69,7 +82,10 @@ impl Medium {
             (None, Some(_)) => String::new(),
             (Some([lo, hi]), _) => format!(", from {} to {} m", corner(lo), corner(hi)),
         };
-        let grid = self.grid.map_or(String::new(), |[x, y, z]| format!(", grid of {x}x{y}x{z} voxels"));
+        let grid = self.grid.map_or(String::new(), |[x, y, z]| {
+            let [host, device] = [self.grid_bytes, self.grid_device_bytes].map(mebibytes);
+            format!(", grid of {x}x{y}x{z} voxels ({host} on the host, {device} on the device)")
+        });
         format!("{events}{index}{extent}{grid}")
     }
 }

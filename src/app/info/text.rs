@@ -38,7 +38,7 @@ pub fn text(report: &Report) -> String {
             lines.line("fog", thickness.describe());
         }
         add_memory(&mut lines, render);
-        add_travel_times(&mut lines, render);
+        add_travel_times(&mut lines, render, report.bounds.is_some());
     }
     for note in &report.notes {
         lines.line("note", note);
@@ -107,7 +107,7 @@ fn add_memory(lines: &mut Lines, render: &Render) {
     }
 }
 
-fn add_travel_times(lines: &mut Lines, render: &Render) {
+fn add_travel_times(lines: &mut Lines, render: &Render, has_triangles: bool) {
     if let Some(p) = &render.possible {
         let ns = |metres: f64| short(metres / METRES_PER_NS);
         lines.line(
@@ -148,10 +148,8 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
     lines.line("  last seen", arrival(&light.last));
     if let Some(gate) = &light.suggested_gate {
         let percent = 100.0 * SUGGESTED_PART;
-        lines.line(
-            "try",
-            format!("--gate {gate} (at the median; at least {percent:.0} % of the scene's diagonal wide)"),
-        );
+        let whole = if has_triangles { "the scene's diagonal" } else { "the time in which 90 % of the light arrives" };
+        lines.line("try", format!("--gate {gate} (at the median; at least {percent:.0} % of {whole} wide)"));
     }
 }
 

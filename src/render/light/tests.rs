@@ -72,11 +72,12 @@ fn light_in_a_medium_spreads_as_the_closed_form_says() {
         println!("g = {g}: {found:.4?}");
         // 5 standard errors: there are 15 values, and the errors come from 8 iterations.
         assert!(
-            found.iter().all(|(ratio, error)| (ratio - 1.0).abs() < 5.0 * error && *error < 0.005),
+            found.iter().all(|(ratio, error)| (ratio - 1.0).abs() < (5.0 * error).min(0.005) && *error < 0.005),
             "g = {g}: {found:?}"
         );
-        // Negative control: a coefficient that is wrong by 5 %.
-        assert!(wrong.iter().any(|(ratio, error)| (ratio - 1.0).abs() > 5.0 * error), "g = {g}: {wrong:?}");
+        // Negative control: a coefficient that is wrong by 5 %. Light that has hardly changed its direction does not depend on it.
+        let mut turned = wrong.iter().zip(ENDS).filter(|(_, begin)| (1.0 - g) * begin >= 1.0).map(|(value, _)| value);
+        assert!(turned.all(|(ratio, error)| (ratio - 1.0).abs() > 5.0 * error), "g = {g}: {wrong:?}");
     }
 }
 

@@ -3,7 +3,7 @@
 //! The crates for this format (`npyz`, `ndarray-npy`) parse the header as Python. That needs a parser generator, and a C
 //! compiler at build time. NumPy itself writes the header in one form only, and the few lines here read this form.
 
-use super::{Checked, Contents, MAX_HEADER, check_length};
+use super::{Checked, Contents, MAX_HEADER, ONE_DENSITY, check_length};
 
 pub fn read(bytes: &[u8]) -> Checked<Contents> {
     let truncated = || "is not a NumPy array, or is truncated; save it again".to_string();
@@ -55,6 +55,7 @@ fn shape(header: &str) -> Checked<[u32; 3]> {
     });
     match numbers.as_ref().map(|numbers| numbers.as_deref()) {
         Some(Ok(&[z, y, x] | &[z, y, x, 1])) => Ok([x, y, z]),
+        Some(Ok(&[_, _, _, channels])) => Err(format!("has {channels} values per voxel; {ONE_DENSITY}")),
         _ => Err("has another shape than (nz, ny, nx); save one density per voxel".into()),
     }
 }

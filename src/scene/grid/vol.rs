@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Checked, Contents, check_length};
+use super::{Checked, Contents, ONE_DENSITY, check_length};
 
 /// Length of the header in bytes.
 const HEADER: usize = 48;
@@ -21,7 +21,7 @@ pub fn read(bytes: &[u8]) -> Checked<Contents> {
         return Err(format!("has densities of encoding {encoding}; export them as 32-bit floats (encoding 1)"));
     }
     if channels != 1 {
-        return Err(format!("has {channels} channels; export a grid with one density per voxel"));
+        return Err(format!("has {channels} channels; {ONE_DENSITY}"));
     }
     // A negative number of voxels counts as 0, which is refused.
     let resolution = [nx, ny, nz].map(|n| u32::try_from(n).unwrap_or(0));
