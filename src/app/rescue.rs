@@ -1,4 +1,4 @@
-//! Saves a finished render in another folder if it cannot be written to the user's folder: for example, if the disk is full, or
+//! Saves a finished result in another folder if it cannot be written to the user's folder: for example, if the disk is full, or
 //! if the folder or the network is gone.
 
 use std::env;
@@ -63,7 +63,7 @@ impl Rescue {
         let list = |paths: &[PathBuf]| paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
         let mut message = first.to_string();
         if !self.saved.is_empty() {
-            write!(message, "; the render is saved in {}", list(&self.saved)).expect("a string takes all text");
+            write!(message, "; the result is saved in {}", list(&self.saved)).expect("a string takes all text");
         }
         if !self.lost.is_empty() {
             let places = "neither the folder for temporary files nor the current folder takes the file";

@@ -16,6 +16,7 @@ use taugate::internals::settings::Settings;
 
 use super::interrupts::{Interrupt, Interrupts};
 use super::progress::Progress;
+use super::rescue::Rescue;
 
 /// The render whose strategies are shown.
 pub struct Job<'a> {
@@ -96,7 +97,7 @@ fn temporary_beside(folder: &Path) -> Result<(tempfile::TempDir, Option<fs::File
 
 impl Job<'_> {
     /// Renders all strategies and writes them into `folder`. After an interrupt the folder is unchanged.
-    pub fn write(&self, folder: &Path, provenance: &Provenance, progress: &Progress) -> Result<()> {
+    pub fn write(&self, folder: &Path, provenance: &Provenance, progress: &Progress) -> anyhow::Result<()> {
         let prepared = PreparedScene::new(self.scene, self.settings)?;
         let mut images = StrategyImages::new(self.device, self.scene, self.settings, &prepared)?;
         self.interrupts.end_the_process_at(Interrupt::Second);
@@ -109,24 +110,28 @@ impl Job<'_> {
         }
 
         self.interrupts.end_the_process_at(Interrupt::None);
-        let place = real_place(folder)?;
-        let (fresh, _lock) = temporary_beside(&place)?;
-        for image in images.images() {
-            for (film, weighting) in [(&image.weighted, "weighted"), (&image.unweighted, "unweighted")] {
-                exr_file::write(
-                    &fresh.path().join(name(image.s, image.t, image.ellipsoidal, weighting)),
-                    film,
-                    provenance,
-                )?;
-            }
-        }
-        put_in_place(fresh, &place).map_err(|e| {
-            let message = format!("cannot be replaced: {e}; choose another folder");
-            Error::File { path: folder.into(), message }
-        })?;
+        let mut rescue = Rescue::default();
+        rescue.write(folder, |folder| write_folder(folder, &images, provenance));
+        rescue.finish()?;
         progress.line(&format!("{}: {} strategies, weighted and unweighted", folder.display(), images.images().len()));
         Ok(())
     }
+}
+
+/// Writes all images into `folder`, or nothing.
+fn write_folder(folder: &Path, images: &StrategyImages, provenance: &Provenance) -> Result<()> {
+    let place = real_place(folder)?;
+    let (fresh, _lock) = temporary_beside(&place)?;
+    for image in images.images() {
+        for (film, weighting) in [(&image.weighted, "weighted"), (&image.unweighted, "unweighted")] {
+            let name = name(image.s, image.t, image.ellipsoidal, weighting);
+            exr_file::write(&fresh.path().join(name), film, provenance)?;
+        }
+    }
+    put_in_place(fresh, &place).map_err(|e| {
+        let message = format!("cannot be replaced: {e}; choose another folder");
+        Error::File { path: folder.into(), message }
+    })
 }
 
 /// Renames `fresh` to `folder`. An old folder of that name is removed, or restored if the rename fails.

@@ -73,6 +73,27 @@ pub struct ReferenceReport {
     pub agreement: Agreement,
 }
 
+/// A rendered reference, which is not written yet.
+pub struct Finished {
+    pub report: ReferenceReport,
+    /// The file of the reference.
+    pub path: PathBuf,
+    film: Film,
+    provenance: Provenance,
+    /// Where an earlier reference that was left out is kept.
+    aside: Option<PathBuf>,
+}
+
+impl Finished {
+    /// Writes the reference to `target`: to [`Finished::path`], or to another file if that fails.
+    pub fn write(&self, target: &Path) -> Result<()> {
+        if let Some(aside) = self.aside.as_ref().filter(|_| target == self.path) {
+            std::fs::rename(target, aside).map_err(|e| Error::File { path: aside.clone(), message: e.to_string() })?;
+        }
+        exr_file::write(target, &self.film, &self.provenance)
+    }
+}
+
 /// Whether a reference by another version of the renderer was used.
 #[derive(Debug, Clone)]
 pub enum OtherVersion {
@@ -98,8 +119,8 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
     Ok(Some(Reference { picture, own, current }))
 }
 
-/// Renders, checks and writes the reference that `entries` share. `watch` gets the fraction that is done and a description, and
-/// returns whether to continue. `None` if `watch` stopped the work. No reference is written if the check fails.
+/// Renders and checks the reference that `entries` share. `watch` gets the fraction that is done and a description, and returns whether
+/// to continue. `None` if `watch` stopped the work. If the check fails, [`Finished::path`] is the file for rejected renders.
 pub fn make(
     device: &Device,
     job: &Job,
@@ -108,7 +129,7 @@ pub fn make(
     target: ReferenceTarget,
     path: &Path,
     watch: &mut dyn FnMut(f64, &str) -> bool,
-) -> Result<Option<ReferenceReport>> {
+) -> Result<Option<Finished>> {
     let Some(pilots) = pilots(device, job, prepared, entries, target, watch)? else { return Ok(None) };
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
     let cheapest = |mean: &[f32]| measured().map(|p| p.cost(mean)).fold(Means::INFINITE, Means::min);
@@ -206,13 +227,12 @@ pub fn make(
     // Keep only the batches of the longer render, the previous or the new one. They may have different estimators, and then the
     // spread of all batches together would not give the noise of the mean.
     film.set_cells(previous.filter(|previous| previous.seconds > seconds).map_or(cells, |previous| previous.cells));
-    if agreement.agree && matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified) {
-        let aside = path.with_extension("other.exr");
-        std::fs::rename(path, &aside).map_err(|e| Error::File { path: aside.clone(), message: e.to_string() })?;
-    }
-    let path = if agreement.agree { path } else { &rejected(path) };
-    write(path, &film, entries[0], before + seconds, &variant, HALVES[0] + extension)?;
-    Ok(Some(ReferenceReport { variant, seconds, before, other, samples, own, wanted: needed, judge, agreement }))
+    let is_left_out = matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified);
+    let aside = (agreement.agree && is_left_out).then(|| path.with_extension("other.exr"));
+    let path = if agreement.agree { path.into() } else { rejected(path) };
+    let provenance = provenance(entries[0], before + seconds, &variant, HALVES[0] + extension);
+    let report = ReferenceReport { variant, seconds, before, other, samples, own, wanted: needed, judge, agreement };
+    Ok(Some(Finished { report, path, film, provenance, aside }))
 }
 
 /// The file for a render that failed the check of the reference `path`.
@@ -326,12 +346,11 @@ fn judge_cells(
     Ok(Some(timed.renderer.film().cells().clone()))
 }
 
-fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str, seed: u32) -> Result<()> {
+fn provenance(entry: &Entry, seconds: f64, variant: &str, seed: u32) -> Provenance {
     let settings = &entry.settings;
     let note =
         format!("# A reference: two independent halves, rendered with the settings of the variant '{variant}'.\n");
-    let provenance = Provenance { seed, ..Provenance::new(settings, seconds, note + &entry.config) };
-    exr_file::write(path, film, &provenance)
+    Provenance { seed, ..Provenance::new(settings, seconds, note + &entry.config) }
 }
 
 /// The folder of references. It lies beside the folder of results, so that suites share references.

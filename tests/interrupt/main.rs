@@ -224,11 +224,29 @@ fn a_render_that_meets_a_full_disk_is_saved_elsewhere() {
         println!("skipped: this process may not mount a file system");
         return;
     }
-    let output = inside("\"$0\" render box.glb -o disk/out.exr --resolution 96x96 --spp 1").unwrap();
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains("disk has no space left"), "{message}");
-    assert_eq!(read_picture(Path::new(saved_in(&message))).unwrap().width, 96);
+    let saved = |command: &str| {
+        let output = inside(command).unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{command}: {message}");
+        assert!(message.contains("has no space left"), "{command}: {message}");
+        let path = Path::new(saved_in(&message)).to_path_buf();
+        assert!(path.starts_with(folder.path().join("spare")), "{command}: {message}");
+        path
+    };
+    let render = "\"$0\" render box.glb --estimator bdpt --resolution 96x96 --spp 1";
+    let image = saved(&format!("{render} --gate 6m..8m -o light.npy -o disk/out.exr"));
+    assert_eq!(read_picture(&image).unwrap().width, 96);
+    // Other results that take time are saved too.
+    assert!(saved("\"$0\" detect light.npy -o disk/counts.npy --photons 1").ends_with("counts.npy"));
+    let strategies = saved(&format!("{render} --max-depth 2 -o out.exr --strategy-images disk/pyramid"));
+    assert!(names(&strategies).iter().any(|name| name.ends_with("_weighted.exr")));
+    let suite = "time = \"30ms\"\nrepetitions = 1\n[render]\nlight-paths = 100\nmax-depth = 3\n\
+                 [[scene]]\nname = \"box\"\nscene = \"box.glb\"\ngate = \"7m..8.5m\"\nresolution = \"24x24\"\n\
+                 [[variant]]\nname = \"bdpt\"\nrender = { estimator = \"bdpt\" }\n";
+    std::fs::write(folder.path().join("s.toml"), suite).unwrap();
+    let bench =
+        "head -c 36000 /dev/zero > disk/full; \"$0\" bench s.toml --out disk/out --reference --reference-time 10ms";
+    assert_eq!(read_picture(&saved(bench)).unwrap().width, 24);
 }
 
 /// SIGKILL leaves a temporary file. The next render to the same name removes it.

@@ -18,6 +18,7 @@ use super::{Bench, make_folder};
 use crate::app::cli::BenchArgs;
 use crate::app::interrupts::INTERRUPTED;
 use crate::app::progress::{Progress, duration};
+use crate::app::rescue::Rescue;
 
 /// Time limit of a reference without --reference-time, as a multiple of the suite's time.
 const TIME_LIMIT_FACTOR: f64 = 40.0;
@@ -72,8 +73,11 @@ pub fn make(
                     ));
                     return Ok(ExitCode::from(INTERRUPTED));
                 }
-                Some(report) => {
-                    let good = report_outcome(&scene.name, &path, &report, progress);
+                Some(finished) => {
+                    let mut rescue = Rescue::default();
+                    rescue.write(&finished.path, |path| finished.write(path));
+                    rescue.finish()?;
+                    let good = report_outcome(&scene.name, &path, &finished.report, progress);
                     code = if good { code } else { ExitCode::from(1) };
                 }
             }
