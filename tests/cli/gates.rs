@@ -283,7 +283,8 @@ fn mistakes_name_the_remedy() {
     let here = with_box();
     std::fs::write(here.path().join("bad.csv"), "1,2\n2,3\n").unwrap();
     std::fs::write(here.path().join("down.csv"), "m,weight\n2,1\n1,1\n").unwrap();
-    let table: [(&[&str], &str); 20] = [
+    std::fs::write(here.path().join("negative.csv"), "m,weight\n1,1\n2,-1\n3,1\n").unwrap();
+    let table: [(&[&str], &str); 21] = [
         (&["--gates", "5m..8m", "-o", "a.npy"], "does not say how many gates"),
         (&["--gates", "5m..8m/5000", "-o", "a.npy"], "give 1 to 4096"),
         (&["--gates", "8m..5m/5", "-o", "a.npy"], "reversed"),
@@ -297,6 +298,7 @@ fn mistakes_name_the_remedy() {
         (&["--response", "sinc:1m", "-o", "a.npy"], "is not a response"),
         (&["--response", "bad.csv", "-o", "a.npy"], "names no unit"),
         (&["--response", "down.csv", "-o", "a.npy"], "ascending order"),
+        (&["--response", "negative.csv", "-o", "a.npy"], "a number that is negative or not finite"),
         (&["--response", "gone.csv", "-o", "a.npy"], "gone.csv"),
         (&["--cw", "20,20", "-o", "a.npy"], "like 20 or 80,60"),
         (&["--cw", "20", "--gate", "1m..2m", "-o", "a.npy"], "cannot be used with"),
@@ -308,5 +310,5 @@ fn mistakes_name_the_remedy() {
     for (flags, part) in table {
         fails(here.path(), &[&["render", "box.glb"], flags].concat(), 2, part);
     }
-    assert_eq!(names(here.path()), ["bad.csv", "box.glb", "down.csv"]);
+    assert_eq!(names(here.path()), ["bad.csv", "box.glb", "down.csv", "negative.csv"]);
 }
