@@ -14,7 +14,7 @@ const MAX_STOPS: f64 = 126.0;
 /// The exposure of a picture: `auto`, or a number of stops.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Exposure {
-    /// Each picture gets its own exposure; see [`crate::image::png_file::exposure`].
+    /// Each picture, or each sequence of pictures, gets its own exposure; see [`crate::image::png_file::exposure`].
     #[default]
     Auto,
     /// Linear values are multiplied by 2 to the power of this number.

@@ -120,7 +120,8 @@ table! {
         /// in the file
         at: Moment, Setting::scene("at", "TIME").form(Form::Signed);
 
-        /// Name of the animation to play, or none [default: all of them together]
+        /// Name of the animation to play; NAME#2 is the second animation of this name; none: no animation [default: all of them
+        /// together]
         animation: String, Setting::scene("animation", "NAME");
     }
 }
@@ -312,7 +313,7 @@ table! {
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
 
         /// Exposure of the picture: auto, or a number of stops (values are multiplied by 2 to this power), so that several
-        /// pictures have the same [default: auto]
+        /// pictures have the same. With auto, all frames of a sequence have one exposure [default: auto]
         exposure: Exposure, Setting::output("exposure", "EV|auto").form(Form::Signed);
 
         /// Also write auxiliary layers to the image file: all, or some of depth,normal,albedo,object,arrival (distance, unit

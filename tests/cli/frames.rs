@@ -167,7 +167,7 @@ fn a_contact_sheet_shows_all_gates() {
 
 /// A picture does not say which exposure it has, so pictures of finished frames are made again.
 #[test]
-fn pictures_of_finished_frames_get_the_new_exposure() {
+fn pictures_of_frames_have_one_exposure() {
     let here = with("cornell-box");
     let here = here.path();
     let keys = ["--gate-keys", "0=5m..6m", "--gate-keys", "2=6m..7m", "--frames", "0..2"];
@@ -179,8 +179,18 @@ fn pictures_of_finished_frames_get_the_new_exposure() {
             let message = render(here, &[&flags[..], &["--exposure", exposure]].concat());
             (message.contains("2 of 2 frames exist with the same settings and are kept"), picture())
         };
-        // The first picture is made from a frame that has none yet.
-        render(here, &[&keys[..], &["-o", frames]].concat());
+        // The pictures of new frames have the exposure of the contact sheet. Each frame alone would have another one.
+        let message = render(here, &[&flags[..], &["--contact-sheet", "sheet.png"]].concat());
+        let exposures: Vec<&str> =
+            message.lines().filter_map(|line| line.split_once(": exposure ")?.1.split(' ').next()).collect();
+        assert!(exposures.len() == 3 && exposures[0] != exposures[1], "{message}");
+        let image = |name: &str| image::open(here.join(name)).unwrap().into_rgb8();
+        for (name, left) in [("f0.png", 0), ("f1.png", 12)] {
+            let part = image::imageops::crop_imm(&image("sheet.png"), left, 0, 12, 8).to_image();
+            assert!(image(name) == part, "{name} of {frames}");
+            std::fs::remove_file(here.join(name)).unwrap();
+        }
+        // The next picture is made from a frame that has none.
         let (was_there, dark) = run("1");
         let (is_there, bright) = run("3");
         assert!(was_there && is_there && dark != bright, "{frames}");

@@ -173,7 +173,7 @@ fn a_scene_of_fog_and_a_lamp_needs_no_surfaces() {
         "mean free path 4.0000 m, 80.000 % scattered",
         "in all space",
         "optical thickness unlimited along",
-        "m (at the median; as wide as 2 % of the time in which 90 % of the light arrives)",
+        "m (at the median; at least 2 % of the time in which 90 % of the light arrives wide)",
     ] {
         assert!(text.contains(part), "{text}");
     }

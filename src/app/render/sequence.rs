@@ -21,7 +21,7 @@ use super::{Interrupt, Outcome, Session, check_pose, load_scene};
 /// The beginning of the settings of a frame, before the fingerprint of the contents of its inputs. It is a comment in TOML.
 const INPUTS: &str = "# Inputs: ";
 
-/// Renders all frames, then writes the contact sheet and the animation.
+/// Renders all frames, then writes the pictures of all frames.
 pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
     if let Some(first) = sequence.frames().next() {
         check_pictures(&sequence, &sequence.frame(first))?;
@@ -37,12 +37,11 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
     let sequence = &sequence;
     session.is_sequence = true;
     let count = sequence.own_frames().count();
-    let mut kept = 0;
+    let mut kept = vec![];
     for (number, frame) in sequence.own_frames().enumerate() {
         let outcome = session.render(sequence.frame(frame))?;
         if outcome == Outcome::Kept {
-            pictures::rewrite(&files(sequence, frame)?)?;
-            kept += 1;
+            kept.push(frame);
         }
         if outcome == Outcome::Done {
             session.progress.line(&format!("frame {frame}: {} of {count}", number + 1));
@@ -51,10 +50,11 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
             return Ok(outcome.code());
         }
     }
-    if kept > 0 {
-        session.progress.line(&format!("{kept} of {count} frames exist with the same settings and are kept"));
+    if !kept.is_empty() {
+        let line = format!("{} of {count} frames exist with the same settings and are kept", kept.len());
+        session.progress.line(&line);
     }
-    pictures::write(sequence, session)?;
+    pictures::write(sequence, &kept, session)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,7 +1,8 @@
-//! Pictures of all frames of a sequence: side by side, and as an animation. All frames have one exposure. Only one frame at a time
-//! is in memory, because a sequence may be much larger than the memory.
+//! Pictures of the frames of a sequence: one by one, side by side, and as an animation. All frames have one exposure. Only one frame at
+//! a time is in memory, because a sequence may be much larger than the memory.
 
 use std::io;
+use std::path::Path;
 
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, RgbImage};
@@ -16,6 +17,7 @@ use taugate::internals::settings::exposure::Exposure;
 use super::super::Session;
 use super::files;
 use crate::app::accumulated;
+use crate::app::rescue::Rescue;
 
 /// Maximum width and height of the contact sheet, in pixels. Larger frames are reduced.
 const MAX_SIDE: usize = 4096;
@@ -27,52 +29,76 @@ struct Linear {
     rgb: Vec<f32>,
 }
 
-/// Writes the contact sheet and the animation, if the user wants them.
-pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
-    if sequence.contact_sheet.is_none() && sequence.gif.is_none() {
+/// Writes the pictures that the user wants: of the frames, the contact sheet and the animation. `kept`: the frames that existed before.
+pub fn write(sequence: &Sequence, kept: &[u32], session: &mut Session) -> anyhow::Result<()> {
+    let own: Vec<Outputs> = sequence.own_frames().map(|frame| files(sequence, frame)).collect::<Result<_>>()?;
+    let has_pictures = own.iter().any(|frame| frame.png.is_some());
+    if !has_pictures && sequence.contact_sheet.is_none() && sequence.gif.is_none() {
         return Ok(());
     }
-    let outputs: Vec<Outputs> = sequence.frames().map(|frame| files(sequence, frame)).collect::<Result<_>>()?;
     let exposure = match sequence.exposure {
-        Exposure::Stops(stops) => stops.exp2() as f32,
-        Exposure::Auto => png_file::common_exposure(|see| {
-            outputs.iter().try_for_each(|frame| read(frame).map(|frame| see(&frame.rgb)))
-        })?,
+        Exposure::Stops(stops) => Some(stops.exp2() as f32),
+        // Another machine may still render the other frames.
+        Exposure::Auto if !sequence.is_whole() => None,
+        Exposure::Auto => Some(png_file::common_exposure(|see| {
+            own.iter().try_for_each(|frame| read(frame).map(|frame| see(&frame.rgb)))
+        })?),
     };
+    // The picture of a kept frame may have any exposure. That of a new frame has the automatic exposure of this frame.
+    let is_automatic = exposure.is_some() && sequence.exposure == Exposure::Auto;
+    let is_outdated = |frame: u32| is_automatic || kept.contains(&frame);
+    for (_, outputs) in sequence.own_frames().zip(&own).filter(|(frame, _)| is_outdated(*frame)) {
+        rewrite(outputs, exposure)?;
+    }
+    if has_pictures
+        && is_automatic
+        && let Some(stops) = exposure.map(f32::log2)
+    {
+        session.progress.line(&format!(
+            "pictures of all frames: exposure {stops:+.2} EV (auto; --exposure {stops:.2} gives other pictures the same)"
+        ));
+    }
+    let mut rescue = Rescue::default();
+    // Only a whole sequence has a contact sheet or an animation.
+    let exposure = exposure.unwrap_or(1.0);
     if let Some(path) = &sequence.contact_sheet {
-        let (width, height, rgb) = sheet(&outputs)?;
-        png_file::write(path, width as u32, height as u32, &rgb, exposure)?;
+        let (width, height, rgb) = sheet(&own)?;
+        if rescue.write(path, |path| png_file::write(path, width as u32, height as u32, &rgb, exposure)) {
+            session.progress.line(&path.display().to_string());
+        }
+    }
+    if let Some(path) = &sequence.gif
+        && rescue.write(path, |path| write_gif(path, &own, sequence.fps(), exposure))
+    {
         session.progress.line(&path.display().to_string());
     }
-    if let Some(path) = &sequence.gif {
-        write_atomically(path, |writer| {
-            let mut encoder = GifEncoder::new_with_speed(writer, 10);
-            encoder.set_repeat(Repeat::Infinite).map_err(io::Error::other)?;
-            for (number, outputs) in outputs.iter().enumerate() {
-                let frame = read(outputs).map_err(io::Error::other)?;
-                let delay = Delay::from_numer_denom_ms(10 * hundredths(number, sequence.fps()), 1);
-                let bytes = png_file::expose(&frame.rgb, exposure);
-                let picture = RgbImage::from_raw(frame.width as u32, frame.height as u32, bytes);
-                let picture = picture.ok_or_else(|| io::Error::other("a frame has no pixels"))?;
-                let picture = image::DynamicImage::ImageRgb8(picture).into_rgba8();
-                encoder.encode_frame(Frame::from_parts(picture, 0, 0, delay)).map_err(io::Error::other)?;
-            }
-            Ok(())
-        })?;
-        session.progress.line(&path.display().to_string());
-    }
-    Ok(())
+    rescue.finish()
 }
 
-/// Writes the picture of a finished frame again. The picture may have had another exposure.
-pub fn rewrite(outputs: &Outputs) -> Result<()> {
+/// Writes the picture of a frame again. Without an `exposure`, the picture gets its own.
+fn rewrite(outputs: &Outputs, exposure: Option<f32>) -> Result<()> {
     let Some(path) = &outputs.png else { return Ok(()) };
     let Linear { width, height, rgb } = read(outputs)?;
-    let exposure = match outputs.exposure {
-        Exposure::Stops(stops) => stops.exp2() as f32,
-        Exposure::Auto => png_file::exposure(&rgb),
-    };
+    let exposure = exposure.unwrap_or_else(|| png_file::exposure(&rgb));
     png_file::write(path, width as u32, height as u32, &rgb, exposure)
+}
+
+/// Writes the animation of all frames.
+fn write_gif(path: &Path, frames: &[Outputs], fps: u32, exposure: f32) -> Result<()> {
+    write_atomically(path, |writer| {
+        let mut encoder = GifEncoder::new_with_speed(writer, 10);
+        encoder.set_repeat(Repeat::Infinite).map_err(io::Error::other)?;
+        for (number, outputs) in frames.iter().enumerate() {
+            let frame = read(outputs).map_err(io::Error::other)?;
+            let delay = Delay::from_numer_denom_ms(10 * hundredths(number, fps), 1);
+            let bytes = png_file::expose(&frame.rgb, exposure);
+            let picture = RgbImage::from_raw(frame.width as u32, frame.height as u32, bytes);
+            let picture = picture.ok_or_else(|| io::Error::other("a frame has no pixels"))?;
+            let picture = image::DynamicImage::ImageRgb8(picture).into_rgba8();
+            encoder.encode_frame(Frame::from_parts(picture, 0, 0, delay)).map_err(io::Error::other)?;
+        }
+        Ok(())
+    })
 }
 
 /// How long an animation shows the frame with this number, counted from 0: whole hundredths of a second, as GIF files have them. The
