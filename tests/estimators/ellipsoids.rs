@@ -40,7 +40,7 @@ fn thin_gates_of_a_sphere_in_water_agree_with_the_closed_form() {
 /// Gates that begin at [`BEGIN`] and have these widths. In a medium, the ends of the gates are multiplied by its group index.
 fn thin_gates_of_a_sphere(settings: &Settings, media: Vec<Medium>, widths: &[f64]) {
     let factor = media.first().map_or(1.0, |medium| f64::from(medium.group_ior));
-    let sigma_a = media.first().map_or(0.0, |medium| f64::from(medium.sigma_a[0]));
+    let sigma_a = media.first().map_or(0.0, |medium| medium.sigma_a[0]);
     let scene = Scene { media, ..build(Kind::GatedSphere { radius: 1.0, subdivisions: 4, albedo: 0.5 }) };
     let mut renderer = renderer(&scene, settings);
     for width in widths {
