@@ -59,7 +59,7 @@ zoo-beam --estimator lcs --gate 7.5m..7.6m --splat-paths 5000 --spp 16
 door-ajar --estimator bdpt --gate 16.8m..17.1m --spp 16
 door-ajar --estimator lcs --gate 16.8m..17.1m --spp 16 --light-paths 20000
 door-ajar --estimator lcs-paper --gate 16.8m..17.1m --queries 4 --leaf-size 4 --buckets 4 --spp 8
-layers --estimator lcs --gate 5m..12m --spp 8
+layers --estimator lcs --gate 19m..21m --spp 8
 sun_and_orthographic --estimator pt --spp 16
 LIST
 )

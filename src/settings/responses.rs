@@ -17,7 +17,7 @@ use crate::settings::units::{Gate, MAX_TRAVEL_TIME, number};
 /// Name of the channels of the variance in image files.
 const VARIANCE: &str = "Variance";
 
-/// The responses that a render measures, at least one. A plain gate is a list of one. The Python module pickles them.
+/// The responses that a render measures, at least one. A plain gate is a list of one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Responses {
     list: Vec<Response>,
@@ -135,13 +135,11 @@ impl Responses {
         gates.max_by(|a, b| (a.hi - a.lo).total_cmp(&(b.hi - b.lo))).expect("there is a response")
     }
 
-    /// Fails if a name, an edge, a period or a gate is invalid; see [`Responses::new`].
+    /// Fails if there is no response or too many, or if a name, an edge, a period or a gate is invalid; see [`Responses::new`].
     pub(crate) fn check(&self) -> Result<()> {
         if self.list.is_empty() || self.list.len() > MAX_GATES as usize {
-            return Err(Error::Settings(format!(
-                "{} responses are not possible: give 1 to {MAX_GATES}",
-                self.list.len()
-            )));
+            let count = self.list.len();
+            return Err(Error::Settings(format!("{count} responses are not possible: give 1 to {MAX_GATES}")));
         }
         for response in self.iter() {
             check_name(response.name())?;

@@ -77,6 +77,7 @@ fn settings_outside_their_limits_are_not_built() {
         (one("a", Edge::Gauss(f64::NAN)), "edges of NaN m"),
         (one("a.b", Edge::Sharp), "'a.b' is not a name for a response"),
         (one("", Edge::Sharp), "must not be empty"),
+        (Ok(serde_json::from_str(r#"{"list": []}"#).unwrap()), "0 responses are not possible"),
         (Ok(Responses::uniform_with("1m..2m/2".parse().unwrap(), Edge::Ramp(-1.0))), "'bin0' has edges of -1 m"),
         (Ok(Responses::from(gate).repeated(1e-9)), "too short for the gate"),
         (Ok(Responses::from(gate).repeated(f64::NAN)), "too short for the gate"),
