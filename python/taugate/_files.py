@@ -18,7 +18,9 @@ PARTIAL = ".taugate-partial"
 def writing(path: str | os.PathLike[str]) -> Iterator[str]:
     """The name of a temporary file, which replaces `path` at the end. After an exception it is removed, and `path` stays as it was. Files
     that the caller creates have the usual permissions."""
-    folder, name = os.path.split(os.path.abspath(path))
+    # The file that a symbolic link leads to is replaced, not the link.
+    path = os.path.realpath(path)
+    folder, name = os.path.split(path)
     temporary = os.path.join(folder, f".{name}-{uuid.uuid4().hex[:8]}{PARTIAL}")
     try:
         yield temporary

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pathlib
@@ -12,7 +13,7 @@ import numpy as np
 
 from . import _native
 from ._errors import SettingsError, early_end
-from ._files import write, writing
+from ._files import writing
 from ._render import AnyScene, Watcher, watcher
 from ._scene import Scene, load
 
@@ -54,12 +55,16 @@ class Scan:
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
         variance = path.with_suffix(".variance.npy")
-        # First, so that the new array never has the old variances.
-        variance.unlink(missing_ok=True)
-        write(path.with_suffix(".json"), json.dumps(self.description, indent=2).encode())
-        _save(path, self.data)
-        if self.variance is not None:
-            _save(variance, self.variance)
+        with contextlib.ExitStack() as files:
+            # The files replace the older ones in the reverse order: the array is the last.
+            _save(files.enter_context(writing(path)), self.data)
+            if self.variance is not None:
+                _save(files.enter_context(writing(variance)), self.variance)
+            description = files.enter_context(writing(path.with_suffix(".json")))
+            pathlib.Path(description).write_text(json.dumps(self.description, indent=2), encoding="utf-8")
+            if self.variance is None:
+                # The new array must not have the old variances.
+                variance.unlink(missing_ok=True)
 
     @property
     def is_confocal(self) -> bool:
@@ -166,7 +171,7 @@ def scan(scene: AnyScene, *, progress: Optional[Watcher] = None, **settings: Any
 
 
 def _save(path, array):
-    with writing(path) as temporary, open(temporary, "xb") as file:
+    with open(path, "xb") as file:
         np.save(file, array)
 
 

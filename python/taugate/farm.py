@@ -49,6 +49,8 @@ MIN_ITERATIONS = 16
 BLACK_PARTS = 16
 #: Seconds between two looks for finished parts.
 PATIENCE = 0.02
+#: A part that takes this many times as long as the others on average is slow.
+SLOW = 2.0
 
 #: Seconds between two questions to the scheduler how many threads the workers have.
 BETWEEN_COUNTS = 1.0
@@ -281,8 +283,10 @@ class _Run:
         self.samples, self.seconds = 0, 0.0
         #: Parts that were added, and how many of the last ones had an error that is small enough.
         self.added, self.confirmed = 0, 0
-        #: First iterations of the parts that came back.
-        self.came = set()
+        #: First iterations of the parts that came back, and the seconds from sending to arrival of all of them together.
+        self.came, self.came_seconds = set(), 0.0
+        #: When each part was sent, by its first iteration.
+        self.sent = {}
         self.futures = set()
 
     def until_the_end(self):
@@ -292,14 +296,16 @@ class _Run:
             # After the time, a render without an image still waits for the parts that run.
             while not self.parts.has_ready() and not (self._is_late() and (self.sums is not None or self.waiting)):
                 clock.sleep(PATIENCE)
+                self._repeat_slow()
             while self.parts.has_ready():
                 future = next(self.parts)
                 begin, _ = future.taugate_range
-                if begin in self.came:
-                    self.futures.discard(future)
-                else:
+                if begin not in self.came:
                     self.came.add(begin)
+                    self.came_seconds += clock.monotonic() - self.sent[begin]
                     self.waiting[begin] = future
+                elif begin not in self.waiting:
+                    self.futures.discard(future)
             if self._is_late():
                 for begin in sorted(self.waiting):
                     self._add(self.waiting.pop(begin))
@@ -321,6 +327,14 @@ class _Run:
             else:
                 self.sums.merge(part)
         except Exception as failure:  # of the worker, whatever it is
+            begin, _ = future.taugate_range
+            other = self._copy_of(begin)
+            if other is not None and other.done():
+                return self._add(other)
+            if other is not None:
+                # The other copy of the part may succeed.
+                self.came.discard(begin)
+                return begin
             if self.sums is None and isinstance(failure, LASTING):
                 raise
             self.failure = failure
@@ -397,11 +411,19 @@ class _Run:
             begin = self.next
             self.next, _ = _native.part(begin, samples)
             self._submit_part(begin, self.next)
-        late = [future.taugate_range for future in self.futures if future.taugate_range[0] == self.wanted]
-        if self.parts.count() < _threads(self.client) and len(late) == 1:
-            # A worker is idle, and all others wait for this part. Both copies get the same random numbers, so it does not matter for the
-            # image which one comes first.
-            self._submit_part(*late[0], "-again")
+
+    def _repeat_slow(self):
+        """Sends the only part that still runs to a second worker if it takes more than `SLOW` times as long as the others, which wait for
+        it. Both copies get the same random numbers, so it does not matter for the image which one comes first."""
+        slow = self._copy_of(self.wanted)
+        if self.waiting and self.parts.count() == 1 and slow is not None:
+            age = clock.monotonic() - self.sent[self.wanted]
+            if age > SLOW * self.came_seconds / len(self.came):
+                self._submit_part(*slow.taugate_range, "-again")
+
+    def _copy_of(self, begin):
+        """A future of the part with this first iteration that was not added; ``None`` if there is none."""
+        return next((future for future in self.futures if future.taugate_range[0] == begin), None)
 
     def _submit_part(self, begin, end, copy=""):
         future = self.client.submit(
@@ -418,6 +440,7 @@ class _Run:
             retries=RETRIES,
         )
         future.taugate_range = (begin, end)
+        self.sent.setdefault(begin, clock.monotonic())
         self.futures.add(future)
         self.parts.add(future)
 

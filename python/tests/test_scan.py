@@ -66,10 +66,12 @@ def test_a_scan_that_cannot_be_written_leaves_the_older_files(tmp_path, monkeypa
     points = [[0, 0, 0], [1, 0, 0]]
     description = {"laser_points": points, "sensor_points": points, "laser_grid": None, "sensor_grid": None, "laser": [0, 0, 1]}
     description |= {"sensor": [0, 0, 1], "start_opl": 0, "bin_width_opl": 1, "temporal_bins": 3, "version": "1", "unit": "W"}
-    scan = taugate.Scan(np.ones((3, 2), np.float32), {**description, "account_first_and_last_bounces": True})
+    description["account_first_and_last_bounces"] = True
+    scan = taugate.Scan(np.ones((3, 2), np.float32), description, np.ones((3, 2), np.float32))
     scan.save(tmp_path / "scan.npy")
     scan.to_tal(tmp_path / "scan.hdf5")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    other = taugate.Scan(np.zeros((3, 2), np.float32), {**description, "bin_width_opl": 2})
 
     def half(file, *_):
         (open(file, "wb") if isinstance(file, (str, os.PathLike)) else file).write(b"half")
@@ -80,7 +82,7 @@ def test_a_scan_that_cannot_be_written_leaves_the_older_files(tmp_path, monkeypa
 
     monkeypatch.setattr(np, "save", half)
     monkeypatch.setattr(h5py.File, "__setitem__", fail)
-    for write, name in ((scan.save, "scan.npy"), (scan.to_tal, "scan.hdf5")):
+    for write, name in ((other.save, "scan.npy"), (other.to_tal, "scan.hdf5")):
         with pytest.raises(OSError, match="no space left"):
             write(tmp_path / name)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -410,7 +410,7 @@ impl InfoArgs {
     after_help = "Exit codes: 0 listed, or all checks are ok, 1 a check found a wrong image, 2 wrong input, 4 device error"
 )]
 pub struct DevicesArgs {
-    /// On one device, render small scenes with every estimator and compare with known images; takes about a minute
+    /// On one device, render small scenes with every estimator and compare with known images; takes a minute or two
     #[arg(long, conflicts_with = "json", help_heading = "Check")]
     pub check: bool,
 

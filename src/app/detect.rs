@@ -62,9 +62,11 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     let text = serde_json::to_string_pretty(&describe(args, &light, &shape))?;
     let in_order = || (0..counts.len()).map(|i| counts[light.index(i)]);
     let mut rescue = Rescue::default();
-    rescue.write(&args.output, |path| write_new_array(path, &shape, in_order()));
-    rescue.write(&description, |path| {
-        write_atomically(path, |writer| std::io::Write::write_all(writer, text.as_bytes()))
+    let is_in_place = rescue.write(&args.output, |path| write_new_array(path, &shape, in_order()));
+    rescue.write(&description, |path| match path == description && !is_in_place {
+        // Another array may still lie beside it. The description goes where the counts are.
+        true => Err(Error::settings("the counts could not be written")),
+        false => write_atomically(path, |writer| std::io::Write::write_all(writer, text.as_bytes())),
     });
     rescue.finish()?;
     let total: f64 = counts.iter().map(|&count| f64::from(count)).sum();

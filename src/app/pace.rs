@@ -20,7 +20,7 @@ pub fn note(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prep
     }
     let seconds = seconds_per_sample(device, scene, settings, prepared)?;
     let image = match settings.budget() {
-        Budget::Spp(spp) => format!(", and the image {}", duration(seconds * f64::from(spp))),
+        Budget::Spp(spp) => format!(", and the whole image {}", duration(seconds * f64::from(spp))),
         Budget::Seconds(_) => String::new(),
     };
     Ok(Some(format!(

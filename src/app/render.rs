@@ -273,6 +273,7 @@ impl Session {
             preparation: &preparation,
             warnings: &warnings,
             gate_warning: resolved.gate_warning.as_deref(),
+            is_frame: self.is_sequence,
         };
         self.interrupts.end_the_process_at(Interrupt::None);
         if let Some(live) = &mut live {

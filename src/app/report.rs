@@ -42,6 +42,8 @@ pub struct Report<'a> {
     pub warnings: &'a [String],
     /// The one of them about the width of the gate.
     pub gate_warning: Option<&'a str>,
+    /// Whether the image is a frame of a sequence. Its picture then gets its exposure from all frames, after the last one.
+    pub is_frame: bool,
 }
 
 /// The contents of the file that --stats writes.
@@ -167,7 +169,7 @@ impl Report<'_> {
             duration(self.provenance.seconds),
             rays(self.position().rays_per_second()),
         ));
-        if let Some(line) = self.images().describe_exposure(outputs) {
+        if let Some(line) = self.images().describe_exposure(outputs).filter(|_| !self.is_frame) {
             progress.line(&line);
         }
         let (mean, error) = film.image_mean();

@@ -123,7 +123,7 @@ impl<'a> Race<'a> {
     }
 }
 
-/// Optical thickness along the diagonal of the surfaces, averaged over the channels; 0 without surfaces.
+/// Optical thickness along the scene's diagonal, averaged over the channels; 0 if the scene has no bounds.
 fn thickness(scene: &Scene) -> f64 {
     scene.bounds().map_or(0.0, |[lo, hi]| {
         let across = hi - lo;

@@ -14,7 +14,7 @@ pub enum Sweep {
     LightVertices,
     /// Width of the gate in metres.
     GateWidth,
-    /// Optical thickness of the media along the diagonal of the surfaces.
+    /// Optical thickness of the media along the scene's diagonal.
     OpticalThickness,
     Pixels,
 }

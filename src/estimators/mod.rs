@@ -230,7 +230,7 @@ impl Estimator {
     }
 
     /// Whether the estimator finds the light of collimated beams.
-    pub fn sees_beams(self) -> bool {
+    fn sees_beams(self) -> bool {
         self.record().light_subpaths
     }
 

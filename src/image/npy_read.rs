@@ -165,9 +165,8 @@ fn read_channels(path: &Path, allowed: &[usize]) -> Result<(ImageArray, usize)> 
     let check = |shape: &[usize]| {
         // With three points of the sensor, a scan has the shape of an image.
         if is_scan(path) {
-            return Err("it is a scan, and no array of images; give it to taugate detect, or read it in Python with \
-                        numpy.load"
-                .into());
+            let remedy = if is_counts(path) { "" } else { "give it to taugate detect, or " };
+            return Err(format!("it is a scan, and no array of images; {remedy}read it in Python with numpy.load"));
         }
         sides(shape).map(drop).ok_or_else(|| {
             format!(

@@ -223,7 +223,7 @@ mod tests {
         assert!(film.mean(0) != film.mean(1) && film.variance_of_mean(1).iter().any(|&v| v > 0.0));
     }
 
-    /// The values of the next pixel were returned instead.
+    /// Otherwise it would return values of the next pixel.
     #[test]
     #[should_panic(expected = "2 responses, and none with number 2")]
     fn a_response_that_is_not_there_has_no_image() {

@@ -32,7 +32,7 @@ pub struct Sequence {
     end: Option<f64>,
     pub contact_sheet: Option<PathBuf>,
     pub gif: Option<PathBuf>,
-    /// Exposure of all pictures.
+    /// Exposure of all pictures; if it is automatic, a shard gives each picture its own.
     pub exposure: Exposure,
 }
 
@@ -143,7 +143,7 @@ impl Sequence {
     }
 }
 
-/// The files that have the number of the frame in their names, with their flags.
+/// The files that have the number of the frame in their names, or need it in a sequence, with their flags.
 fn patterns(output: &OutputTable) -> impl Iterator<Item = (&'static str, &PathBuf)> {
     let png = match &output.png {
         Some(Png::File(path)) => Some(path),
@@ -156,12 +156,18 @@ fn patterns(output: &OutputTable) -> impl Iterator<Item = (&'static str, &PathBu
 /// Fails if a file of a render without frames has the name of frames: for example, if `--at` renders one moment of an experiment
 /// with frames.
 fn check_still(output: &OutputTable) -> Result<()> {
-    let Some((flag, path)) = patterns(output).find(|(_, path)| numbered(path, 0).is_some()) else { return Ok(()) };
+    let Some((flag, path)) = patterns(output).find(|(_, path)| is_for_frames(path)) else { return Ok(()) };
     let extension = path.extension().unwrap_or_default().display();
     Err(Error::settings(format!(
-        "{} is a name for the frames of a sequence: add {flag} OUT.{extension}, a name without #, or --frames A..B",
+        "{} is a name for the frames of a sequence: give {flag} OUT.{extension} instead, a name without #, or add --frames A..B",
         path.display()
     )))
+}
+
+/// Whether the file can only be meant for the frames of a sequence. A single # inside a word, as in the camera `eye#2`, can be a name.
+fn is_for_frames(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.contains("##") || name.split('.').any(|part| part == "#")
 }
 
 /// Whether a render, or each frame of a sequence, has a picture.
@@ -300,12 +306,17 @@ mod tests {
             ("frames = '0..2'\noutput = 'a#.exr'\nshard = '0/2'\ngif = 'a.gif'", "does not have all frames"),
             ("fps = 3\noutput = 'a#.exr'", "--fps is for a sequence"),
             ("gif = 'a.gif'", "--gif is for a sequence"),
-            ("output = ['a.exr', 'a.####.npy']", "a.####.npy is a name for the frames of a sequence: add -o OUT.npy,"),
-            ("output = 'a.exr'\npng = 'a#.png'", "add --png OUT.png, a name without #, or --frames A..B"),
-            ("output = 'a.exr'\nstats = 'a#.json'", "add --stats OUT.json,"),
+            (
+                "output = ['a.exr', 'a.####.npy']",
+                "a.####.npy is a name for the frames of a sequence: give -o OUT.npy instead,",
+            ),
+            ("output = 'a.exr'\npng = 'a##.png'", "give --png OUT.png instead, a name without #, or add --frames A..B"),
+            ("output = 'a.exr'\nstats = 'a.#.json'", "give --stats OUT.json instead,"),
         ] {
             let error = sequence(&format!("[output]\n{text}\n"), None).map(drop).unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");
         }
+        // The second camera of a name.
+        assert!(sequence("[output]\noutput = 'eye#2.exr'\n", None).unwrap().is_none());
     }
 }

@@ -13,7 +13,8 @@ impl Renderer {
     /// number of samples in each iteration is that of `taugate render`, so equal scenes and settings give equal bits. A budget of
     /// seconds ends after the iteration whose end is nearest to it. But it has at least two iterations, unless one takes all its time.
     ///
-    /// Fails as [`Renderer::iterate`] does. The film then has the iterations before the error.
+    /// Fails as [`Renderer::iterate`] does. The film then has the iterations before the error. If the film has samples at the call, a
+    /// budget of seconds may end up to one iteration later.
     pub fn render(&mut self, budget: Budget) -> Result<()> {
         let started = Instant::now();
         loop {
@@ -28,8 +29,14 @@ impl Renderer {
     #[doc(hidden)]
     pub fn next_samples(&self, budget: &Budget, elapsed: Duration) -> u32 {
         let film = self.film();
-        // If the image is certain to be black, two iterations are enough: they give a variance.
-        let is_enough = self.is_dark() && matches!(budget, Budget::Seconds(_)) && film.iterations() >= 2;
+        let is_enough = self.is_surely_black(budget);
         if is_enough { 0 } else { next_samples(budget, film.iterations(), film.samples(), elapsed) }
+    }
+
+    /// Whether more iterations cannot change the image, because no light meets the gate. Two iterations give a variance. A budget of
+    /// samples is rendered nevertheless.
+    #[doc(hidden)]
+    pub fn is_surely_black(&self, budget: &Budget) -> bool {
+        self.is_dark() && matches!(budget, Budget::Seconds(_)) && self.film().iterations() >= 2
     }
 }

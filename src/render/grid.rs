@@ -71,12 +71,12 @@ pub fn warnings(scene: &Scene) -> Vec<String> {
 /// Share of the mass of a grid that rounding adds or removes.
 fn rounded_share(grid: &DensityGrid) -> f64 {
     let scale = largest(grid);
-    let (mut moved, mut mass) = (0.0, 0.0);
-    for &density in &grid.density {
+    let moved_and_mass = |density: f32| {
         let stored = f64::from(steps(density, scale)) / STEPS * f64::from(scale);
-        moved += (stored - f64::from(density)).abs();
-        mass += f64::from(density);
-    }
+        [(stored - f64::from(density)).abs(), f64::from(density)]
+    };
+    let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
+    let [moved, mass] = grid.density.par_iter().map(|&density| moved_and_mass(density)).reduce(|| [0.0; 2], add);
     if mass > 0.0 { moved / mass } else { 0.0 }
 }
 

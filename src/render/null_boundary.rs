@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use crate::error::{Error, Result};
 use crate::scene::{Material, Mesh, Scene, surrounding_indices};
 
-/// Fails if a mesh is not closed, but [`must_be_closed`].
+/// Fails if a mesh that [`must_be_closed`] is open.
 pub fn check(scene: &Scene) -> Result<()> {
     let [outside, _] = surrounding_indices(&scene.media);
     for mesh in &scene.meshes {

@@ -240,7 +240,8 @@ impl Plan {
 
     /// Replaces the camera by one that [`Plan::takes`]; the film keeps its size.
     pub fn set_camera(&mut self, camera: &Camera) {
-        self.aim(camera);
+        let is_taken = self.aim(camera);
+        debug_assert!(is_taken, "the caller asks `takes` first");
         self.set(self.frame.seed, self.responses.clone());
     }
 

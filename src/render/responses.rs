@@ -243,12 +243,16 @@ impl Replaced {
 
     /// Notes what `film` has for a pixel and a response.
     fn note(&mut self, film: &ResponseFilm, pixel: u32, response: u32) {
-        self.is_too_much |= self.sums.len() >= MAX_REPLACED;
-        if !self.is_too_much {
-            let (sums, squares) = film.sums_of(pixel, response);
-            self.sums.push((pixel, response, sums));
-            self.squares.extend(squares);
+        if self.is_too_much {
+            return;
         }
+        if self.sums.len() >= MAX_REPLACED {
+            *self = Replaced { is_too_much: true, ..Replaced::default() };
+            return;
+        }
+        let (sums, squares) = film.sums_of(pixel, response);
+        self.sums.push((pixel, response, sums));
+        self.squares.extend(squares);
     }
 
     /// Undoes all changes of `film` that were noted. Returns false, and changes nothing, if some were not.

@@ -313,7 +313,7 @@ table! {
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
 
         /// Exposure of the picture: auto, or a number of stops (values are multiplied by 2 to this power), so that several
-        /// pictures have the same. With auto, all frames of a sequence have one exposure [default: auto]
+        /// pictures have the same. With auto, all frames of a sequence have one exposure, except with --shard [default: auto]
         exposure: Exposure, Setting::output("exposure", "EV|auto").form(Form::Signed);
 
         /// Also write auxiliary layers to the image file: all, or some of depth,normal,albedo,object,arrival (distance, unit

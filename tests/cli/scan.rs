@@ -95,8 +95,10 @@ fn a_scan_is_an_array_of_gates_and_points() {
         fails(here, &[&detect[..], &["1", "--background", "day.exr"]].concat(), 2, "but the light is a scan");
         fails(here, &["detect", "counts.npy", "-o", "x.npy", "--photons", "1"], 2, "holds counts of a detector");
         // The array of three sensor points has the shape of an image.
-        for array in [&name[..], "counts.npy"] {
-            fails(here, &["histogram", array], 2, "it is a scan, and no array of images; give it to taugate detect");
+        for (array, remedy) in
+            [(&name[..], "give it to taugate detect, or read it"), ("counts.npy", "read it in Python")]
+        {
+            fails(here, &["histogram", array], 2, &format!("it is a scan, and no array of images; {remedy}"));
             fails(here, &["compare", array, array], 2, "it is a scan");
         }
     }

@@ -16,7 +16,7 @@ use taugate::internals::image::npy_read::{
 use crate::app::{accumulated, memory};
 
 /// How the user can need less memory.
-pub const REMEDY: &str = "render fewer gates, or a --crop";
+pub const REMEDY: &str = "render fewer gates, or fewer pixels or points";
 
 /// The radiance that the detector sees. The pixels of a scan are its pairs of points; they have one channel.
 pub struct Light {

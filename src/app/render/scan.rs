@@ -120,9 +120,12 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     session.interrupts.end_the_process_at(Interrupt::None);
     let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed);
     let mut rescue = Rescue::default();
-    rescue.write(&path, |path| film.write_means(path, &scan));
-    rescue.write(&description_path(&path), |path| {
-        film.write_description(path, table, &scan, measured, samples, &provenance)
+    let is_in_place = rescue.write(&path, |path| film.write_means(path, &scan));
+    let description = description_path(&path);
+    rescue.write(&description, |path| match path == description && !is_in_place {
+        // Another array may still lie beside it. The description goes where the scan is.
+        true => Err(Error::settings("the scan could not be written")),
+        false => film.write_description(path, table, &scan, measured, samples, &provenance),
     });
     if has_variance {
         rescue.write(&variance_path(&path), |path| film.write_variances(path, &scan));

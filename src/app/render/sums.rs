@@ -211,7 +211,7 @@ impl Checkpoint {
         &self.path
     }
 
-    /// Writes the sums if it is time. If they cannot be written, the next call tries it again after the same pause.
+    /// Writes the sums if it is time. If they cannot be written, a call after the same pause tries again.
     pub fn update(&mut self, identity: &Identity, renderer: &Renderer, layers: &Layers, seconds: f64) -> Result<()> {
         let pause = self.every.max(self.took.div_f64(MAX_SHARE));
         if self.last.elapsed() < pause {

@@ -29,7 +29,7 @@ pub struct Patience {
     pub hello: Duration,
     /// A page that does not take what was sent within this time, plus `seconds_per_byte`, is dropped.
     pub send: Duration,
-    /// Of the slowest link that shows pictures.
+    /// Seconds that the slowest link with pictures takes for a byte.
     pub seconds_per_byte: f64,
 }
 

@@ -51,6 +51,7 @@ impl Finished<'_> {
             warnings: &view.warnings,
             // The page shows all warnings.
             gate_warning: None,
+            is_frame: false,
         };
         report.write(&outputs, |_| Ok(()))?;
         Ok(files)

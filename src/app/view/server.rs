@@ -32,7 +32,7 @@ const DEFAULT: SocketAddr = SocketAddr::new(IpAddr::V4(std::net::Ipv4Addr::LOCAL
 pub const MAX_MESSAGE: usize = 16 << 10;
 /// Maximum number of pages.
 const MAX_PAGES: usize = 64;
-/// Maximum number of connections that have not sent the token yet. Each has 5 seconds for that.
+/// Maximum number of connections that have not sent the token yet. Each has [`client::Patience::hello`] for that.
 const MAX_STRANGERS: usize = 256;
 /// Maximum number of connections without a WebSocket. Further ones wait, so that file handles are left for images.
 const MAX_PLAIN: usize = 256;

@@ -70,7 +70,7 @@ fn light_in_a_medium_spreads_as_the_closed_form_says() {
     for g in [0.8, 0.0, -0.3] {
         let [found, wrong] = moments(g);
         println!("g = {g}: {found:.4?}");
-        // 5 standard errors: there are 15 values, and the errors come from 8 iterations.
+        // 5 standard errors, because there are 15 values and the errors come from 8 iterations; and the claim of ACCURACY, 0.5 %.
         assert!(
             found.iter().all(|(ratio, error)| (ratio - 1.0).abs() < (5.0 * error).min(0.005) && *error < 0.005),
             "g = {g}: {found:?}"

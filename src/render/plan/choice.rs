@@ -74,8 +74,8 @@ fn lit_length(responses: &Responses) -> f64 {
     length(responses.support()) - responses.hole().map_or(0.0, length)
 }
 
-/// Whether a gate is thin in a scene of this diagonal. Light that ends in the gate has travelled no further than its end. So objects
-/// beyond that, such as a distant backdrop, make no gate thin.
+/// Whether a gate is thin in a scene of this diagonal. Light that ends in the gate has travelled no further than its end, except in
+/// scans that leave out the first or last way. So objects beyond that, such as a distant backdrop, make no gate thin.
 fn is_thin(gate: Gate, diagonal: f64) -> bool {
     length(gate) < THIN_GATE * diagonal.min(gate.hi)
 }

@@ -47,8 +47,9 @@ pub fn write(sequence: &Sequence, kept: &[u32], session: &mut Session) -> anyhow
     // The picture of a kept frame may have any exposure. That of a new frame has the automatic exposure of this frame.
     let is_automatic = exposure.is_some() && sequence.exposure == Exposure::Auto;
     let is_outdated = |frame: u32| is_automatic || kept.contains(&frame);
+    let mut rescue = Rescue::default();
     for (_, outputs) in sequence.own_frames().zip(&own).filter(|(frame, _)| is_outdated(*frame)) {
-        rewrite(outputs, exposure)?;
+        rescue.check(rewrite(outputs, exposure));
     }
     if has_pictures
         && is_automatic
@@ -58,7 +59,6 @@ pub fn write(sequence: &Sequence, kept: &[u32], session: &mut Session) -> anyhow
             "pictures of all frames: exposure {stops:+.2} EV (auto; --exposure {stops:.2} gives other pictures the same)"
         ));
     }
-    let mut rescue = Rescue::default();
     // Only a whole sequence has a contact sheet or an animation.
     let exposure = exposure.unwrap_or(1.0);
     if let Some(path) = &sequence.contact_sheet {
