@@ -285,8 +285,8 @@ class _Run:
         self.added, self.confirmed = 0, 0
         #: First iterations of the parts that came back, and the seconds from sending to arrival of all of them together.
         self.came, self.came_seconds = set(), 0.0
-        #: When each part was sent, by its first iteration.
-        self.sent = {}
+        #: When each part was sent, by its first iteration, and the parts that were sent twice.
+        self.sent, self.repeated = {}, set()
         self.futures = set()
 
     def until_the_end(self):
@@ -416,9 +416,10 @@ class _Run:
         """Sends the only part that still runs to a second worker if it takes more than `SLOW` times as long as the others, which wait for
         it. Both copies get the same random numbers, so it does not matter for the image which one comes first."""
         slow = self._copy_of(self.wanted)
-        if self.waiting and self.parts.count() == 1 and slow is not None:
+        if self.waiting and self.parts.count() == 1 and slow is not None and self.wanted not in self.repeated:
             age = clock.monotonic() - self.sent[self.wanted]
             if age > SLOW * self.came_seconds / len(self.came):
+                self.repeated.add(self.wanted)
                 self._submit_part(*slow.taugate_range, "-again")
 
     def _copy_of(self, begin):
