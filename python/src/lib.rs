@@ -10,6 +10,7 @@ mod resume;
 mod scan;
 mod scene;
 mod shared;
+mod state;
 mod sums;
 
 use pyo3::prelude::*;

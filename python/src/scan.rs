@@ -18,8 +18,9 @@ use crate::engine::{self, Step, early_end, watched};
 use crate::errors::{Failure, Result, settings as mistake, shown};
 use crate::flags::Words;
 use crate::image::array;
-use crate::scene::{Job, NativeScene};
+use crate::scene::NativeScene;
 use crate::shared::{feasible, memory};
+use crate::state::Job;
 
 /// The array of a scan, its description as JSON, and, with the setting `variance`, its variances.
 type Arrays<'py> = (Bound<'py, PyAny>, String, Option<Bound<'py, PyAny>>);

@@ -19,8 +19,9 @@ use crate::engine::{self, lock};
 use crate::errors::{Failure, Result, settings};
 use crate::flags::Words;
 use crate::image::Image;
-use crate::scene::{Job, NativeScene};
+use crate::scene::NativeScene;
 use crate::shared::feasible;
+use crate::state::Job;
 
 /// The sums of some iterations of a render.
 #[pyclass(frozen, module = "taugate._native")]

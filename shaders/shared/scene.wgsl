@@ -106,8 +106,8 @@ struct Emitter {
 // Four texels per word, row by row: texel k of a texture is component k % 4 of word `TextureInfo.first` + k / 4.
 @group(0) @binding(8) var texels: texture_1d<u32>;
 @group(0) @binding(9) var emitters: texture_1d<u32>;
-// An entry (x, y) gives the directional albedo f0 * x + f90 * y of the GGX lobe with the reflectances f0 (normal incidence) and f90
-// (grazing). The table has ALBEDO_COLUMNS x ALBEDO_ROWS entries, over the square roots of cosine and alpha. Then come ALBEDO_ROWS
+// The directional albedo of the GGX lobe is f0 * x + f90 * y for an entry (x, y). f0 and f90 are the reflectances at normal and at
+// grazing incidence. The table has ALBEDO_COLUMNS x ALBEDO_ROWS entries, over the square roots of cosine and alpha. Then come ALBEDO_ROWS
 // entries: the cosine-weighted mean of each row over the hemisphere.
 @group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
 @group(0) @binding(11) var<storage, read> details: array<VertexDetails>;

@@ -18,7 +18,7 @@ use crate::files::{read_error, write_atomically};
 /// * `dead_query_share`: fraction of the queries that find no light vertex which meets the gate, the maximum depth and the facing.
 /// * `triangles`: triangles of all instances.
 /// * `gate_m`: width of the gate in metres, `inf` without a gate.
-/// * `optical_thickness`: of the media along the scene's diagonal, averaged over the channels; media inside of meshes do not count.
+/// * `optical_thickness`: along the scene's diagonal, averaged over the channels. Media inside of meshes do not count.
 /// * `us_per_sample`: microseconds per pixel sample.
 /// * `fingerprint`: hash of scene, settings and renderer, the time, and a hash of the device.
 ///

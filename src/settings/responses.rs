@@ -28,10 +28,13 @@ pub struct Responses {
 }
 
 impl Responses {
-    /// A list of responses. Fails if there is none, if there are more than 4096, if two have one name, or if a name is that of other
-    /// channels in image files: Variance, depth, normal, albedo, object, arrival. Also fails if a name is empty or contains a dot, an
-    /// equals sign or a slash, if a gate is invalid ([`Gate::new`]), if the length of an edge is not above 0 and at most 1e30 m, or if a
-    /// gate is longer than 1000 periods of a pulsed laser.
+    /// A list of responses. Fails unless
+    ///
+    /// * there are 1 to 4096;
+    /// * each has a name of its own, not empty and without a dot, an equals sign or a slash;
+    /// * no name is that of other channels in image files: Variance, depth, normal, albedo, object, arrival;
+    /// * every gate is valid ([`Gate::new`]), and at most 1000 periods of a pulsed laser long;
+    /// * the length of an edge is above 0, and at most 1e30 m.
     pub fn new(list: Vec<Response>) -> Result<Responses> {
         let is_reserved = |name: &str| name == VARIANCE || Aov::ALL.names().any(|layer| layer == name);
         if let Some(response) = list.iter().find(|response| is_reserved(response.name())) {
