@@ -164,10 +164,10 @@ fn check_still(output: &OutputTable) -> Result<()> {
     )))
 }
 
-/// Whether the file can only be meant for the frames of a sequence. A single # inside a word, as in the camera `eye#2`, can be a name.
+/// Whether the file can only be meant for the frames of a sequence. A # before a digit, as in the camera `eye#2`, belongs to a name.
 fn is_for_frames(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    name.contains("##") || name.split('.').any(|part| part == "#")
+    name.split('#').skip(1).any(|after| !after.starts_with(|c: char| c.is_ascii_digit()))
 }
 
 /// Whether a render, or each frame of a sequence, has a picture.
@@ -310,8 +310,8 @@ mod tests {
                 "output = ['a.exr', 'a.####.npy']",
                 "a.####.npy is a name for the frames of a sequence: give -o OUT.npy instead,",
             ),
-            ("output = 'a.exr'\npng = 'a##.png'", "give --png OUT.png instead, a name without #, or add --frames A..B"),
-            ("output = 'a.exr'\nstats = 'a.#.json'", "give --stats OUT.json instead,"),
+            ("output = 'a.exr'\npng = 'a#.png'", "give --png OUT.png instead, a name without #, or add --frames A..B"),
+            ("output = 'a.exr'\nstats = 'a#.json'", "give --stats OUT.json instead,"),
         ] {
             let error = sequence(&format!("[output]\n{text}\n"), None).map(drop).unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");
