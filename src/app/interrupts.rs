@@ -117,8 +117,17 @@ pub fn outlive_size_limits() -> std::io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
 
+/// Ends the process if `enough`, without the exit handlers of libraries. Such a handler may free what another thread still uses: the
+/// driver of a graphics card crashed while that thread opened the device.
 fn exit_if(enough: bool) {
-    if enough {
-        std::process::exit(INTERRUPTED.into());
+    if !enough {
+        return;
     }
+    #[cfg(unix)]
+    // SAFETY: `_exit` may be called at any time.
+    unsafe {
+        libc::_exit(INTERRUPTED.into())
+    }
+    #[cfg(not(unix))]
+    std::process::exit(INTERRUPTED.into());
 }
