@@ -159,7 +159,7 @@ mod tests {
     fn a_submit_waits_though_the_fence_was_left_signalled() {
         let device = Device::open(None).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"));
         let count = 1 << 24;
-        let buffer = Buffer::from_slice(&device, "numbers", &vec![1u32; count], "").unwrap();
+        let buffer = Buffer::new::<u32>(&device, "numbers", count, "").unwrap();
         let shared = &device.shared;
         let mut commands = Commands::new(shared).unwrap();
         // SAFETY: the fence is unsignalled, the lock makes this the queue's only user, and the queue is idle afterwards.

@@ -5,11 +5,13 @@ use std::process::Command;
 
 const FILE: &str = "TAUGATE_TEST_FILE";
 
-/// Runs the ignored test `helper` of this program with `file`. Returns its peak resident memory in MiB, and its report.
+/// Runs the ignored test `helper` of this program with `file`, on two threads: decoders keep a block per thread. Returns its peak
+/// resident memory in MiB, and its report.
 pub fn peak(helper: &str, file: &Path) -> (u64, String) {
     let output = Command::new(std::env::current_exe().expect("this program has a path"))
         .args(["--exact", "--ignored", "--nocapture", helper])
         .env(FILE, file)
+        .env("RAYON_NUM_THREADS", "2")
         .output()
         .expect("the helper starts");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();

@@ -137,13 +137,18 @@ fn two_rooms(door: bool) -> Scene {
     turned(scene)
 }
 
+/// Light that may come through a closed wall, relative to the light without the wall. Two points in the plane of a wall, one on each
+/// side, see each other under cosines that are 0 up to rounding. The square of this rounding error is the most that a connection
+/// between them may carry.
+const MAX_LEAK: f64 = 1e-14;
+
 #[test]
 fn a_wall_that_two_rooms_share_does_not_leak() {
     for estimator in Estimator::ALL {
-        assert_eq!(sum(&render(&two_rooms(false), estimator, Gate::OPEN)), 0.0, "{estimator}");
+        let light = |door: bool| sum(&render(&two_rooms(door), estimator, Gate::OPEN));
+        let (closed, open) = (light(false), light(true));
+        assert!(open > 1.0 && closed <= MAX_LEAK * open, "{estimator}: {closed:e} of {open:e}");
     }
-    // Negative control: rooms without the wall between them.
-    assert!(sum(&render(&two_rooms(true), Estimator::Lcs, Gate::OPEN)) > 0.0);
 }
 
 /// A closed room with the pinhole inside and a lamp outside, behind the wall at x = 1. Translucent decals lie in the plane of
@@ -173,19 +178,23 @@ fn room_with_decals(decals: usize, hole: bool) -> Scene {
 /// A ray that passes through decals must still hit the wall, which is at the same distance as the decals.
 #[test]
 fn decals_in_the_plane_of_a_wall_do_not_leak() {
+    // Negative control: a room without the wall.
+    let open = room_with_decals(1, true);
+    let unblocked = sum(&render(&open, Estimator::Lcs, Gate::OPEN));
+    assert!(unblocked > 1.0 && by_oracle(&open) > 0.0);
     for decals in [1, 3] {
         let closed = room_with_decals(decals, false);
         for (name, scene) in [("along the axes", closed.clone()), ("turned", turned(closed))] {
             for estimator in Estimator::ALL {
                 let light = sum(&render(&scene, estimator, Gate::OPEN));
-                assert_eq!(light, 0.0, "{decals} decals {name}, {estimator}");
+                assert!(
+                    light <= MAX_LEAK * unblocked,
+                    "{decals} decals {name}, {estimator}: {light:e} of {unblocked:e}"
+                );
             }
             assert_eq!(by_oracle(&scene), 0.0, "{decals} decals {name}, by the oracle");
         }
     }
-    // Negative control: a room without the wall.
-    let open = room_with_decals(1, true);
-    assert!(sum(&render(&open, Estimator::Lcs, Gate::OPEN)) > 0.0 && by_oracle(&open) > 0.0);
 }
 
 /// Sum over the pixels and channels of the image that the oracle renders.
