@@ -1,4 +1,4 @@
-// The sensor samples of a tile, as the host lists them.
+// The sensor samples of a tile, as list_samples.wgsl lists them.
 #import frame
 
 // One entry per sample, with two 16-bit numbers in each word, the first in the low half. x: column and row of the pixel in

@@ -24,7 +24,7 @@ struct Compiled {
     variants: Mutex<Vec<Arc<Pipeline>>>,
 }
 
-/// Maximum number of kernels that a device keeps. A renderer has at most 16.
+/// Maximum number of kernels that a device keeps. A renderer has at most 17.
 const MAX_KEPT: usize = 128;
 
 /// The kernels that a device compiled last; the most recently used one is at the end.
@@ -47,6 +47,14 @@ impl KernelCache {
             self.kept.remove(0);
         }
         self.kept.push(kernel);
+    }
+}
+
+#[cfg(test)]
+impl Device {
+    /// Number of compiled kernels that the device keeps.
+    pub fn kernels_kept(&self) -> usize {
+        self.kernels.lock().unwrap_or_else(PoisonError::into_inner).kept.len()
     }
 }
 

@@ -35,14 +35,14 @@ pub struct CompactionBindings {
 }
 
 impl Compaction {
+    /// File and entry points of the kernels.
+    pub const FILE: &str = "compact";
+    pub const ENTRIES: [&str; 4] = ["compact_count", "compact_scan", "compact_scatter", "compact_short"];
+
     pub fn new(device: &Device, constants: &[(&str, f64)]) -> Result<Compaction> {
-        let make = |entry: &str| Kernel::new(device, "compact", entry, constants);
-        Ok(Compaction {
-            count: make("compact_count")?,
-            scan: make("compact_scan")?,
-            scatter: make("compact_scatter")?,
-            short: make("compact_short")?,
-        })
+        let [count, scan, scatter, short] =
+            Compaction::ENTRIES.map(|entry| Kernel::new(device, Compaction::FILE, entry, constants));
+        Ok(Compaction { count: count?, scan: scan?, scatter: scatter?, short: short? })
     }
 
     pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<CompactionBindings> {

@@ -200,6 +200,12 @@ impl LightTracer {
         Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec() })
     }
 
+    /// Files of the kernels, whose entry points have the same names.
+    pub fn files(info: &DeviceInfo) -> Vec<&'static str> {
+        let files = ["light_start", "light_trace", "light_splat", "light_mark", "light_keep"];
+        files[..if info.drive.waits_per_bounce { 3 } else { 5 }].to_vec()
+    }
+
     /// Replaces the punctual lights.
     pub fn set_punctual(&mut self, punctual: &[PathVertex]) {
         self.punctual = punctual.to_vec();

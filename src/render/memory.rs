@@ -16,8 +16,8 @@ use crate::settings::Settings;
 const VERTICES_PER_PATH: u32 = 4;
 /// Maximum number of host bytes per triangle while the BVH is built: corners, boxes, two node formats, order.
 const BUILD_BYTES: u64 = 320;
-/// Host bytes per pixel: the double-double sums of the film, and the image of an iteration.
-const PIXEL_BYTES: u64 = 112;
+/// Host bytes per pixel: the double-double sums of the film, the image of an iteration, and the number of samples in sample order.
+const PIXEL_BYTES: u64 = 120;
 /// Additional host bytes per pixel for adaptive sampling: the sample statistics and the sample count.
 const ADAPTIVE_PIXEL_BYTES: u64 = 41;
 /// Host bytes of the program itself, the driver and the driver's compiler.

@@ -31,6 +31,7 @@ mod pinhole_in_fog;
 mod plan;
 mod pool;
 mod pool_layout;
+mod precompile;
 mod prepared_scene;
 mod probe;
 mod responses;
@@ -177,6 +178,10 @@ impl Renderer {
         prepared: &PreparedScene,
         mut stats: Stats,
     ) -> Result<Renderer> {
+        // A dark plan traces nothing.
+        if !plan.dark {
+            stats.prepared(stage::COMPILE, || precompile::compile_all(device, &plan))?;
+        }
         let compaction = Arc::new(stats.prepared(stage::COMPILE, || Compaction::new(device, &plan.constants()))?);
         let light = stats.prepared(stage::COMPILE, || {
             LightTracer::new(device, &scene, &plan, &compaction, &prepared.emitters.deterministic)

@@ -29,7 +29,7 @@ use buffers::Buffers;
 use kernels::{Kernels, SensorBindings};
 pub use observe::SensorContribution;
 pub use phase::SensorPhase;
-use tiles::{TileSample, Tiles};
+use tiles::{Tile, TileSample, Tiles};
 
 /// Indices of the list counters: living paths (two lists that alternate between bounces), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
@@ -72,6 +72,21 @@ pub struct SensorTracer {
 }
 
 impl SensorTracer {
+    /// Files of the kernels except the compaction; their entry points have the same names.
+    pub fn files(plan: &Plan) -> Vec<&'static str> {
+        let ellipsoids = kernels::ellipsoid_file(plan);
+        let others = [
+            plan.estimator.query_kernel,
+            "sensor_trace",
+            "connect",
+            "sensor_start",
+            "list_samples",
+            "gather",
+            "resolve",
+        ];
+        ellipsoids.into_iter().chain(others).collect()
+    }
+
     /// Allocates the buffers for `slots` candidate slots per shade point.
     pub fn new(device: &Device, plan: &Plan, slots: u32, kernels: Kernels, stats: &mut Stats) -> Result<SensorTracer> {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
@@ -144,16 +159,16 @@ impl SensorTracer {
     ) -> Result<bool> {
         self.tile.begin(!self.abandoned);
         (self.stop, self.abandoned) = (stop.clone(), false);
-        let mut tiles = Tiles::new(plan.crop, counts);
+        let mut tiles = stats.timed(stage::RECORD, || Tiles::new(plan.crop, counts));
         while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile.get())) {
             let mut arrivals = vec![];
             self.run_tile(plan, bindings, tile, is_last, responses.is_some().then_some(&mut arrivals), stats)?;
             if self.is_abandoned() {
                 return Ok(false);
             }
-            stats.samples += tile.len() as u64;
+            stats.samples += tile.sample_count() as u64;
             if let Some(responses) = &mut responses {
-                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tiles::pixels(plan.crop, tile), arrivals));
+                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), arrivals));
             }
         }
         let tally = stats.timed(stage::READ_FILM, || self.buffers.film_tallies(image.len() / 3))?;

@@ -14,6 +14,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "light_splat",
     "light_mark",
     "light_keep",
+    "list_samples",
     "sensor_start",
     "sensor_trace",
     "compact",

@@ -1,6 +1,8 @@
 //! Buffers of the sensor subpaths: their sizes, their names in WGSL, and reading the film back.
 
-use super::TileSample;
+use rayon::prelude::*;
+
+use super::tiles::{TilePixel, TileSample};
 use crate::error::Result;
 use crate::estimators::Ellipsoids;
 use crate::gpu::{Allocate, Buffer, BufferDesc, Device, Recorder};
@@ -11,6 +13,7 @@ use crate::wgsl::layout::{AuxiliaryPoint, Candidate, FogSegment, PathState, Path
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers<A: Allocate = Device> {
+    pub tile_pixels: A::Buffer,
     pub tile_samples: A::Buffer,
     pub states: A::Buffer,
     pub shade_points: A::Buffer,
@@ -48,6 +51,8 @@ impl<A: Allocate> Buffers<A> {
         let pixels =
             |name: &'static str| BufferDesc::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
         Ok(Buffers {
+            // A pixel has at least one sample, and a tile has at least one pixel; one more entry ends the list.
+            tile_pixels: to.buffer(BufferDesc::of::<TilePixel>("pixels of a tile", paths + 1, few))?,
             tile_samples: to.buffer(BufferDesc::of::<TileSample>("samples of a tile", paths, few))?,
             states: to.buffer(BufferDesc::of::<PathState>("sensor path states", paths, few))?,
             shade_points: to.buffer(BufferDesc::of::<PathVertex>("shade points", paths, few))?,
@@ -88,6 +93,7 @@ impl<A: Allocate> Buffers<A> {
 impl Buffers {
     pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
         vec![
+            ("tile_pixels", &self.tile_pixels),
             ("tile_samples", &self.tile_samples),
             ("states", &self.states),
             ("shade_points", &self.shade_points),
@@ -120,11 +126,8 @@ impl Buffers {
     /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image.
     pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<()> {
         self.film.with::<[f32; 4], _>(image.len() / 3, |film| {
-            for (to, from) in image.chunks_exact_mut(3).zip(film) {
-                for k in 0..3 {
-                    to[k] += from[k];
-                }
-            }
+            let pixels = image.par_chunks_exact_mut(3).zip(film);
+            pixels.with_min_len(1 << 12).for_each(|(to, from)| (0..3).for_each(|k| to[k] += from[k]));
             visit(film, image);
         })
     }
@@ -132,13 +135,8 @@ impl Buffers {
     /// The film's tallies, summed over its `pixels`: dropped contributions, shadow rays, contributions inside the gate, candidates.
     pub fn film_tallies(&self, pixels: usize) -> Result<[u64; 4]> {
         self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
-            let add = |mut sum: [u64; 4], t: &[u32; 4]| {
-                for k in 0..4 {
-                    sum[k] += u64::from(t[k]);
-                }
-                sum
-            };
-            tallies.iter().fold([0; 4], add)
+            let add = |a: [u64; 4], b: [u64; 4]| [0, 1, 2, 3].map(|k| a[k] + b[k]);
+            tallies.par_iter().with_min_len(1 << 12).map(|t| t.map(u64::from)).reduce(|| [0; 4], add)
         })
     }
 }

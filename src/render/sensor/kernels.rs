@@ -13,6 +13,7 @@ use crate::render::pool::DevicePool;
 
 /// The compiled kernels. They do not depend on any buffer.
 pub struct Kernels {
+    pub list_samples: Kernel,
     pub start: Kernel,
     pub trace: Kernel,
     pub compaction: Arc<Compaction>,
@@ -26,6 +27,7 @@ pub struct Kernels {
 
 /// Descriptor sets for one pool. Of two sets, `[0]` is for even and `[1]` for odd bounces.
 pub struct SensorBindings {
+    pub list_samples: Bindings,
     pub start: Bindings,
     pub trace: [Bindings; 2],
     pub compact_paths: [CompactionBindings; 2],
@@ -37,23 +39,29 @@ pub struct SensorBindings {
     pub resolve: Bindings,
 }
 
+/// File of the kernel that draws auxiliary vertices, if the estimator forms ellipsoidal connections.
+pub fn ellipsoid_file(plan: &Plan) -> Option<&'static str> {
+    match plan.estimator.ellipsoids {
+        Ellipsoids::None => None,
+        Ellipsoids::Enumerated => Some("ellipsoid_triangles"),
+        Ellipsoids::Resampled => Some("ellipsoid_resample"),
+    }
+}
+
 impl Kernels {
     pub fn new(device: &Device, plan: &Plan, compaction: Arc<Compaction>) -> Result<Kernels> {
         let constants = plan.constants();
-        let make = |file: &'static str, entry: &str| Kernel::new(device, file, entry, &constants);
+        let make = |file: &'static str| Kernel::new(device, file, file, &constants);
         Ok(Kernels {
-            start: make("sensor_start", "sensor_start")?,
-            trace: make("sensor_trace", "sensor_trace")?,
+            list_samples: make("list_samples")?,
+            start: make("sensor_start")?,
+            trace: make("sensor_trace")?,
             compaction,
-            query: make(plan.estimator.query_kernel, plan.estimator.query_kernel)?,
-            ellipsoids: match plan.estimator.ellipsoids {
-                Ellipsoids::None => None,
-                Ellipsoids::Enumerated => Some(make("ellipsoid_triangles", "ellipsoid_triangles")?),
-                Ellipsoids::Resampled => Some(make("ellipsoid_resample", "ellipsoid_resample")?),
-            },
-            connect: make("connect", "connect")?,
-            gather: make("gather", "gather")?,
-            resolve: make("resolve", "resolve")?,
+            query: make(plan.estimator.query_kernel)?,
+            ellipsoids: ellipsoid_file(plan).map(make).transpose()?,
+            connect: make("connect")?,
+            gather: make("gather")?,
+            resolve: make("resolve")?,
         })
     }
 
@@ -87,6 +95,7 @@ impl Kernels {
             all
         };
         Ok(SensorBindings {
+            list_samples: k.list_samples.bind(&shared())?,
             start: k.start.bind(&living(0))?,
             trace: [k.trace.bind(&living(0))?, k.trace.bind(&living(1))?],
             compact_paths: [k.compaction.bind(&living(0))?, k.compaction.bind(&living(1))?],

@@ -40,7 +40,7 @@ impl SensorTracer {
         let mut tiles = Tiles::new(plan.crop, counts);
         while let Some((tile, _)) = tiles.next(self.tile.get()) {
             let constants = self.start_tile(bindings, tile)?;
-            self.observe_bounces(plan, bindings, tile, &constants, &mut Stats::default(), visit)?;
+            self.observe_bounces(plan, bindings, &tile.samples(), &constants, &mut Stats::default(), visit)?;
         }
         Ok(())
     }

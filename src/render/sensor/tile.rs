@@ -11,16 +11,17 @@ impl SensorTracer {
         &mut self,
         plan: &Plan,
         bindings: &SensorBindings,
-        samples: &[TileSample],
+        tile: &Tile,
         is_last: bool,
         arrivals: Option<&mut Vec<Arrival>>,
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants = stats.timed(stage::RECORD, || self.start_tile(bindings, samples))?;
+        let constants = stats.timed(stage::RECORD, || self.start_tile(bindings, tile))?;
         let mut longest = match (arrivals, self.waits_per_bounce) {
             (Some(arrivals), _) => {
+                let samples = tile.samples();
                 let counts = |path: u32| samples[path as usize][1] >> 16;
-                self.observe_bounces(plan, bindings, samples, &constants, stats, &mut |seen| {
+                self.observe_bounces(plan, bindings, &samples, &constants, stats, &mut |seen| {
                     let share = 1.0 / counts(seen.path) as f32;
                     let rgb = seen.rgb.map(|x| x * share);
                     // The kernels count values that are not finite as dropped, so the host leaves them out.
@@ -36,24 +37,27 @@ impl SensorTracer {
         longest = longest.max(stats.submit(&mut self.recorder)?);
         let counters = self.read_counters(constants.count, stats)?;
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
-        stats.closest_rays += samples.len() as u64 + total(LIVING[0]) + total(LIVING[1]);
+        stats.closest_rays += tile.sample_count() as u64 + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
         stats.live_candidates += total(CANDIDATES);
-        self.tile.adapt(samples.len(), is_last, longest);
+        self.tile.adapt(tile.sample_count(), is_last, longest);
         Ok(())
     }
 
     /// Records the start of one path per sample. Returns the constants that all dispatches of the tile share.
-    pub(super) fn start_tile(&mut self, bindings: &SensorBindings, samples: &[TileSample]) -> Result<Dispatch> {
+    pub(super) fn start_tile(&mut self, bindings: &SensorBindings, tile: &Tile) -> Result<Dispatch> {
         let (k, b) = (&self.kernels, &mut self.buffers);
-        let count = samples.len() as u32;
+        let count = tile.sample_count() as u32;
         let none = Dispatch { list_a: NONE, list_b: NONE, emitter: NONE, ..bytemuck::Zeroable::zeroed() };
         let constants = Dispatch { count, counter: LIVING[0], ..none };
-        let (counters, arguments) = k.compaction.one_list(LIVING[0], count, k.trace.groups(samples.len()));
-        b.tile_samples.write(0, samples)?;
+        let (counters, arguments) = k.compaction.one_list(LIVING[0], count, k.trace.groups(count as usize));
+        b.tile_pixels.write(0, tile.pixels())?;
         b.counters.write(&counters)?;
         b.arguments.write(0, &arguments)?;
-        let groups = k.start.groups(samples.len());
+        let over_pixels = Dispatch { count: tile.pixel_count() as u32, ..constants };
+        let groups = k.list_samples.groups(tile.pixel_count());
+        self.recorder.dispatch("list_samples", &k.list_samples, &bindings.list_samples, &over_pixels, groups)?;
+        let groups = k.start.groups(count as usize);
         self.recorder.dispatch("sensor_start", &k.start, &bindings.start, &constants, groups)?;
         Ok(constants)
     }

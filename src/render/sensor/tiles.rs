@@ -1,48 +1,98 @@
 //! Divides the samples of an iteration into tiles.
 
+use rayon::prelude::*;
+
 use crate::render::samples::SampleCounts;
 use crate::settings::Crop;
 
 /// Side of a block in pixels. Samples run block by block, so that the paths of a tile stay near each other.
 const BLOCK: u32 = 8;
 
+/// A pixel of a tile, in the layout of `list_samples.wgsl`: its place in the whole film (see [`film_pixel`]), and the number of the
+/// tile's samples before those of the pixel.
+pub type TilePixel = [u32; 2];
+
 /// A sample of a tile, in the layout of `samples.wgsl`. Word 0: its pixel in the whole film (see [`film_pixel`]). Word 1: its
 /// index among the samples of the pixel (low 16 bits) and their number (high 16 bits).
 pub type TileSample = [u32; 2];
 
-/// Lists the samples of an iteration, tile by tile. All samples of a pixel are in the same tile.
-pub struct Tiles<'a> {
-    crop: Crop,
-    counts: &'a SampleCounts,
-    /// Position of the next pixel in the order of [`pixel_at`].
-    position: u32,
-    samples: Vec<TileSample>,
+/// The samples of a tile, pixel by pixel.
+#[derive(Default)]
+pub struct Tile {
+    /// The pixels; the last entry stands for the end of the samples.
+    pixels: Vec<TilePixel>,
 }
 
-impl<'a> Tiles<'a> {
-    pub fn new(crop: Crop, counts: &'a SampleCounts) -> Tiles<'a> {
-        Tiles { crop, counts, position: 0, samples: vec![] }
+impl Tile {
+    /// The pixels, and one more entry for the end of the samples.
+    pub fn pixels(&self) -> &[TilePixel] {
+        &self.pixels
     }
 
-    fn is_empty(&self) -> bool {
-        self.position == self.crop.width() * self.crop.height()
+    /// Number of pixels.
+    pub fn pixel_count(&self) -> usize {
+        self.pixels.len().saturating_sub(1)
     }
 
-    /// The samples of the next tile, and whether it is the last one; `None` after the last. A tile holds at most `max`
-    /// samples, but always at least one pixel.
-    pub fn next(&mut self, max: usize) -> Option<(&[TileSample], bool)> {
-        self.samples.clear();
-        while !self.is_empty() {
-            let pixel = pixel_at(self.crop, self.position);
-            let count = self.counts.of(pixel);
-            if !self.samples.is_empty() && self.samples.len() + count as usize > max {
+    /// Number of samples.
+    pub fn sample_count(&self) -> usize {
+        self.pixels.last().map_or(0, |end| end[1] as usize)
+    }
+
+    /// The pixels as row-major indices in the crop.
+    pub fn crop_pixels(&self, crop: Crop) -> Vec<u32> {
+        self.pixels[..self.pixel_count()].iter().map(|&[film_pixel, _]| crop_pixel(crop, film_pixel)).collect()
+    }
+
+    /// The list of the samples, as the device makes it.
+    pub fn samples(&self) -> Vec<TileSample> {
+        let of_pixel = |pair: &[TilePixel]| {
+            let (film_pixel, count) = (pair[0][0], pair[1][1] - pair[0][1]);
+            (0..count).map(move |number| [film_pixel, count << 16 | number])
+        };
+        self.pixels.windows(2).flat_map(of_pixel).collect()
+    }
+}
+
+/// Divides the samples of an iteration into tiles. All samples of a pixel are in the same tile.
+pub struct Tiles {
+    /// Each pixel in sample order: its place in the whole film, and its number of samples.
+    pixels: Vec<[u32; 2]>,
+    /// Number of pixels in earlier tiles.
+    done: usize,
+    tile: Tile,
+}
+
+impl Tiles {
+    pub fn new(crop: Crop, counts: &SampleCounts) -> Tiles {
+        let at = |position: u32| {
+            let pixel = pixel_at(crop, position);
+            [film_pixel(crop, pixel), counts.of(pixel)]
+        };
+        let pixels = (0..crop.width() * crop.height()).into_par_iter().with_min_len(1 << 12).map(at).collect();
+        Tiles { pixels, done: 0, tile: Tile::default() }
+    }
+
+    /// The next tile, and whether it is the last one; `None` after the last. A tile holds at most `max` samples, but always at least
+    /// one pixel.
+    pub fn next(&mut self, max: usize) -> Option<(&Tile, bool)> {
+        let left = &self.pixels[self.done..];
+        let listed = &mut self.tile.pixels;
+        listed.clear();
+        let mut samples = 0;
+        for &[film_pixel, count] in left {
+            if samples > 0 && samples as usize + count as usize > max {
                 break;
             }
-            let film_pixel = film_pixel(self.crop, pixel);
-            self.samples.extend((0..count).map(|number| [film_pixel, count << 16 | number]));
-            self.position += 1;
+            listed.push([film_pixel, samples]);
+            samples += count;
         }
-        (!self.samples.is_empty()).then_some((&self.samples[..], self.is_empty()))
+        self.done += listed.len();
+        if listed.is_empty() {
+            return None;
+        }
+        listed.push([0, samples]);
+        Some((&self.tile, self.done == self.pixels.len()))
     }
 }
 
@@ -61,12 +111,6 @@ fn pixel_at(crop: Crop, position: u32) -> u32 {
 fn film_pixel(crop: Crop, pixel: u32) -> u32 {
     let (x, y) = (pixel % crop.width(), pixel / crop.width());
     (y + crop.y0) << 16 | (x + crop.x0)
-}
-
-/// The pixels of a tile, as row-major indices in the crop.
-pub fn pixels(crop: Crop, tile: &[TileSample]) -> Vec<u32> {
-    let is_first = |sample: &&TileSample| sample[1] & 0xffff == 0;
-    tile.iter().filter(is_first).map(|&[film_pixel, _]| crop_pixel(crop, film_pixel)).collect()
 }
 
 /// The inverse of [`film_pixel`].
@@ -91,10 +135,12 @@ mod tests {
                 let mut seen = vec![0; (width * height) as usize];
                 let mut ended = false;
                 while let Some((tile, is_last)) = tiles.next(max) {
-                    assert!(tile.len() <= max.max(7) && !ended, "{width} x {height}");
+                    let samples = tile.samples();
+                    assert_eq!(samples.len(), tile.sample_count());
+                    assert!(samples.len() <= max.max(7) && !ended, "{width} x {height}");
                     ended = is_last;
                     let mut here = vec![0; seen.len()];
-                    for &[film_pixel, number_and_count] in tile {
+                    for [film_pixel, number_and_count] in samples {
                         let (number, count) = (number_and_count & 0xffff, number_and_count >> 16);
                         let [x, y] = [film_pixel & 0xffff, film_pixel >> 16];
                         assert!((crop.x0..crop.x1).contains(&x) && (crop.y0..crop.y1).contains(&y));

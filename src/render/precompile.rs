@@ -1,0 +1,45 @@
+//! Compiles all kernels of a renderer at the same time.
+
+use rayon::prelude::*;
+
+use super::compaction::Compaction;
+use super::light::LightTracer;
+use super::plan::Plan;
+use super::sensor::SensorTracer;
+use crate::error::Result;
+use crate::gpu::{Device, Kernel};
+
+/// Compiles the kernels that a render of `plan` needs, on all cores. The device keeps them, so the phases find them compiled.
+pub fn compile_all(device: &Device, plan: &Plan) -> Result<()> {
+    let constants = plan.constants();
+    let files = [SensorTracer::files(plan), LightTracer::files(device.info())].concat();
+    let mut entries: Vec<(&'static str, &str)> = files.into_iter().map(|file| (file, file)).collect();
+    entries.extend(Compaction::ENTRIES.map(|entry| (Compaction::FILE, entry)));
+    let compile = |(file, entry)| Kernel::new(device, file, entry, &constants).map(drop);
+    entries.into_par_iter().with_max_len(1).try_for_each(compile)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimators::Estimator;
+    use crate::generate::{Kind, build};
+    use crate::gpu::Drive;
+    use crate::render::{PreparedScene, Renderer};
+    use crate::settings::Settings;
+
+    #[test]
+    fn a_render_needs_no_other_kernels() {
+        let scene = build(Kind::CornellBox);
+        for (estimator, drive) in [(Estimator::Epc, Drive::CPU), (Estimator::Lcs, Drive::CARD)] {
+            let settings = Settings::builder().estimator(estimator).light_paths(16).resolution([4, 4]).build().unwrap();
+            let prepared = PreparedScene::new(&scene, &settings).unwrap();
+            let device = Device::open_with_drive(None, Some(drive)).expect("this test needs a Vulkan device");
+            compile_all(&device, &Plan::new(&scene, &settings, &prepared).unwrap()).unwrap();
+            let compiled = device.kernels_kept();
+            let mut renderer = Renderer::from_prepared(&device, &scene, &settings, &prepared).unwrap();
+            renderer.iterate(1).unwrap();
+            assert!(compiled > 10 && device.kernels_kept() == compiled, "{estimator}: {compiled} kernels");
+        }
+    }
+}
