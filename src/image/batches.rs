@@ -2,6 +2,8 @@
 //! error. The pixels of an iteration share a light pool, so the variance of a cell is not the sum of its pixels' variances. Here
 //! any union of cells has one value per batch, and the spread of these values gives its variance correctly.
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 
 /// Side of a cell in pixels.
@@ -62,14 +64,17 @@ impl CellBatches {
         self.last += 1;
         let (weight, sums) = self.batches.last_mut().expect("one was just pushed, or is not full");
         *weight += f64::from(samples);
-        for (y, row) in rgb.chunks_exact(3 * self.width).enumerate() {
-            for (x, cell) in row.chunks(3 * CELL).enumerate() {
-                let at = 3 * (y / CELL * columns + x);
-                for pixel in cell.chunks_exact(3) {
-                    (0..3).for_each(|k| sums[at + k] += f64::from(samples) * f64::from(pixel[k]));
+        let samples = f64::from(samples);
+        let strips = sums.par_chunks_mut(3 * columns).zip(rgb.par_chunks(3 * self.width * CELL));
+        strips.for_each(|(sums, rows)| {
+            for row in rows.chunks_exact(3 * self.width) {
+                for (cell, sums) in row.chunks(3 * CELL).zip(sums.chunks_exact_mut(3)) {
+                    for pixel in cell.chunks_exact(3) {
+                        (0..3).for_each(|k| sums[k] += samples * f64::from(pixel[k]));
+                    }
                 }
             }
-        }
+        });
     }
 
     fn merge_neighbours(&mut self) {

@@ -68,7 +68,8 @@ impl Film {
     pub fn add(&mut self, rgb: &[f32], samples: u32) {
         assert_eq!(rgb.len(), self.moments.len(), "the image does not have the film's size");
         assert!(samples > 0, "an iteration has at least one sample");
-        let mean = rgb.iter().map(|&x| f64::from(x)).sum::<f64>() / rgb.len().max(1) as f64;
+        let sums: Vec<f64> = rgb.par_chunks(1 << 14).map(|part| part.iter().map(|&x| f64::from(x)).sum()).collect();
+        let mean = sums.iter().sum::<f64>() / rgb.len().max(1) as f64;
         self.cells.add(rgb, samples);
         self.samples += u64::from(samples);
         let weight = f64::from(samples);

@@ -110,14 +110,14 @@ impl Allocation {
     /// with all other light (t = 1) included.
     pub fn add(&mut self, film: &[[f32; 4]], image: &[f32], counts: &SampleCounts, samples: u32) {
         let samples = f64::from(samples);
-        let pixels = self.pixels.iter_mut().zip(film).zip(image.chunks_exact(3));
-        for (i, ((pixel, &[r, g, b, squares]), all)) in pixels.enumerate() {
+        let pixels = self.pixels.par_iter_mut().zip(film).zip(image.par_chunks_exact(3));
+        pixels.enumerate().with_min_len(CHUNK).for_each(|(i, ((pixel, &[r, g, b, squares]), all))| {
             let count = f64::from(counts.of(i as u32));
             pixel.samples += count;
             pixel.sum += count * luminance([r, g, b]);
             pixel.squares += f64::from(squares);
             pixel.light += samples * luminance([all[0], all[1], all[2]]);
-        }
+        });
         self.samples += samples;
         self.iterations += 1;
     }
@@ -132,12 +132,14 @@ impl Allocation {
             return SampleCounts::Uniform(samples);
         }
         let mut errors = self.relative_errors();
-        let max_error = errors.iter().copied().filter(|error| error.is_finite()).fold(0.0, f64::max);
+        let finite = errors.par_iter().with_min_len(CHUNK).copied().filter(|error| error.is_finite());
+        let max_error = finite.reduce(|| 0.0, f64::max);
         if max_error == 0.0 {
             return SampleCounts::Uniform(samples);
         }
         // Infinite errors are reduced to the maximum finite one. Errors of 0 are raised to a small fraction of it.
-        errors.iter_mut().for_each(|error| *error = error.clamp(MIN_RELATIVE_ERROR * max_error, max_error));
+        let clamp = |error: &mut f64| *error = error.clamp(MIN_RELATIVE_ERROR * max_error, max_error);
+        errors.par_iter_mut().with_min_len(CHUNK).for_each(clamp);
         let wanted = f64::from(samples);
         let (min, max) = ((MIN_SHARE * wanted).max(1.0), f64::from(MAX_SHARE * samples));
         let factor = factor(&errors, wanted - min, max - min);
@@ -148,7 +150,8 @@ impl Allocation {
     /// overflows.
     fn relative_errors(&self) -> Vec<f64> {
         let (width, height) = (self.width, self.pixels.len() / self.width);
-        let light = self.pixels.iter().map(|f| f.light).sum::<f64>() / self.pixels.len() as f64;
+        let light = sum_of_chunks(&self.pixels, |pixels| [pixels.iter().map(|p| p.light).sum()])[0];
+        let light = light / self.pixels.len() as f64;
         let dark = (DARK_FRACTION * light / self.samples).powi(2);
         let error = |i: usize| {
             let (x, y) = (i % width, i / width);
@@ -165,7 +168,7 @@ impl Allocation {
             let relative = spread / freedom / (mean * mean + dark);
             if relative.is_nan() { 0.0 } else { relative.sqrt() }
         };
-        (0..self.pixels.len()).into_par_iter().with_min_len(1 << 12).map(error).collect()
+        (0..self.pixels.len()).into_par_iter().with_min_len(CHUNK).map(error).collect()
     }
 
     /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel. So every
@@ -203,21 +206,30 @@ impl Renderer {
     }
 }
 
+/// Number of pixels that a thread takes at a time. Sums do not depend on the number of threads.
+const CHUNK: usize = 1 << 12;
+
+/// Sums over all chunks of `items`, added in the order of the chunks. `of_chunk` gives those of a chunk.
+fn sum_of_chunks<T: Sync, const N: usize>(items: &[T], of_chunk: impl Fn(&[T]) -> [f64; N] + Send + Sync) -> [f64; N] {
+    let sums: Vec<[f64; N]> = items.par_chunks(CHUNK).map(of_chunk).collect();
+    sums.into_iter().fold([0.0; N], |sum, of_chunk| std::array::from_fn(|k| sum[k] + of_chunk[k]))
+}
+
 /// The factor f for which min(f error, `max`) has the average `wanted` < `max`; errors are positive. Pixels at the upper
 /// bound return their excess, and the next pass shares it among the others in proportion. So f only grows, and the search
 /// ends when no further pixel reaches the bound.
 fn factor(errors: &[f64], wanted: f64, max: f64) -> f64 {
     let mut factor = 0.0;
     for _ in 0..MAX_PASSES {
-        let (mut left, mut free) = (wanted * errors.len() as f64, 0.0);
-        for &error in errors {
-            if factor * error >= max {
-                left -= max;
-            } else {
-                free += error;
-            }
-        }
-        let next = left / free;
+        // The number of pixels at the bound, and the sum of the errors of all others.
+        let [full, free] = sum_of_chunks(errors, |errors| {
+            let add = |[full, free]: [f64; 2], &error: &f64| match factor * error >= max {
+                true => [full + 1.0, free],
+                false => [full, free + error],
+            };
+            errors.iter().fold([0.0; 2], add)
+        });
+        let next = (wanted * errors.len() as f64 - full * max) / free;
         if next.is_nan() || next <= factor * (1.0 + 1e-9) {
             break;
         }
