@@ -107,6 +107,8 @@ pub struct LightTracer {
     device_loop: Option<DeviceLoop>,
     /// Punctual lights as light vertices, which every pool contains.
     punctual: Vec<PathVertex>,
+    /// The pool of the last iteration.
+    pool: LightPool,
 }
 
 /// Kernels and buffers of the light subpaths of a batch.
@@ -197,7 +199,7 @@ impl LightTracer {
         };
         let recorder = Recorder::new(device)?;
         let subpaths = Subpaths { start, trace, splat, buffers, recorder };
-        Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec() })
+        Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec(), pool: LightPool::default() })
     }
 
     /// Files of the kernels, whose entry points have the same names.
@@ -227,8 +229,9 @@ impl LightTracer {
 
     /// Traces all light subpaths of an iteration and returns the vertices for connections. Calls `visit` with the splat of
     /// every vertex that the sensor sees (t = 1), in the same order on every device.
-    pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<LightPool> {
-        let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
+    pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<&LightPool> {
+        let mut pool = std::mem::take(&mut self.pool);
+        pool.restart(&self.punctual);
         let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
             let batch = Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), emitter };
@@ -239,7 +242,8 @@ impl LightTracer {
             self.run_batch(plan, &Batch { first, count, emitter: NONE }, &mut pool, visit, stats)?;
         }
         stats.light_paths += u64::from(plan.traced_paths());
-        Ok(pool)
+        self.pool = pool;
+        Ok(&self.pool)
     }
 
     fn run_batch(

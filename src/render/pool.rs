@@ -2,6 +2,7 @@
 //! sorts them for the estimator.
 
 use bytemuck::Zeroable;
+use rayon::prelude::*;
 
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
@@ -18,10 +19,33 @@ use crate::wgsl::layout::{LeafRecord, NONE, PathVertex, TreeChild, TreeNode};
 #[derive(Default)]
 pub struct LightPool {
     /// Punctual lights of the scene, and for each beam of zero radius the vertices that all its subpaths share.
-    pub deterministic: Vec<PathVertex>,
-    /// Emitter points (v_tau = 0) and scattered vertices, each with the index of its light path.
-    pub emitter_points: Vec<(u32, PathVertex)>,
-    pub scattered: Vec<(u32, PathVertex)>,
+    deterministic: Vec<PathVertex>,
+    /// Emitter points (v_tau = 0) and scattered vertices.
+    emitter_points: PathVertices,
+    scattered: PathVertices,
+}
+
+/// Light vertices, and the index of the light path of each.
+#[derive(Default)]
+struct PathVertices {
+    paths: Vec<u32>,
+    vertices: Vec<PathVertex>,
+}
+
+impl PathVertices {
+    fn push(&mut self, path: u32, vertex: &PathVertex) {
+        self.paths.push(path);
+        self.vertices.push(*vertex);
+    }
+
+    fn clear(&mut self) {
+        self.paths.clear();
+        self.vertices.clear();
+    }
+
+    fn len(&self) -> usize {
+        self.vertices.len()
+    }
 }
 
 /// Maximum number of vertices in a pool: the index of a leaf's first vertex must be less than [`LEAF_FIRST`].
@@ -46,6 +70,14 @@ pub struct SortedPool {
 }
 
 impl LightPool {
+    /// Removes all vertices and adds these `deterministic` ones. The memory stays allocated.
+    pub fn restart(&mut self, deterministic: &[PathVertex]) {
+        self.deterministic.clear();
+        self.deterministic.extend_from_slice(deterministic);
+        self.emitter_points.clear();
+        self.scattered.clear();
+    }
+
     /// Adds a vertex of light path `path`; the path index of a deterministic vertex is ignored. Drops a vertex that is too
     /// deep for a connection with at most `max_depth` segments.
     pub fn push(&mut self, path: u32, vertex: &PathVertex, max_depth: u32) {
@@ -54,9 +86,9 @@ impl LightPool {
         } else if (vertex.flags & VERTEX_DEPTH) + 2 > max_depth {
             // A connection adds two segments, to the shade point and to the sensor. Deeper vertices serve only t = 1.
         } else if vertex.flags & VERTEX_EMITTER != 0 {
-            self.emitter_points.push((path, *vertex));
+            self.emitter_points.push(path, vertex);
         } else {
-            self.scattered.push((path, *vertex));
+            self.scattered.push(path, vertex);
         }
     }
 
@@ -74,8 +106,8 @@ impl LightPool {
         stats.scattered_vertices += self.scattered.len() as u64;
         // Trees leave out vertices whose power is not finite. Without trees, connections to them are not finite, and count.
         if matches!(plan.estimator.pool_order, PoolOrder::Trees | PoolOrder::ByTime) {
-            let vertices = self.emitter_points.iter().chain(&self.scattered);
-            stats.dropped += vertices.filter(|(_, vertex)| !power(vertex).is_finite()).count() as u64;
+            let vertices = self.emitter_points.vertices.iter().chain(&self.scattered.vertices);
+            stats.dropped += vertices.filter(|vertex| !power(vertex).is_finite()).count() as u64;
         }
         Ok(stats.timed(stage::BUILD_TREES, || match plan.estimator.pool_order {
             PoolOrder::ByPath => self.by_path(plan.light_paths),
@@ -105,7 +137,7 @@ impl LightPool {
 
     fn emitters_only(&self) -> SortedPool {
         let mut vertices = self.deterministic_with_cdf();
-        vertices.extend(self.emitter_points.iter().map(|(_, v)| *v));
+        vertices.extend_from_slice(&self.emitter_points.vertices);
         SortedPool { vertices, records: vec![], nodes: vec![], offsets: vec![], layout: self.layout() }
     }
 
@@ -113,8 +145,8 @@ impl LightPool {
     fn by_path(&self, light_paths: u32) -> SortedPool {
         let first = self.deterministic.len() as u32;
         let mut offsets = vec![0u32; light_paths as usize + 1];
-        let all = || self.emitter_points.iter().chain(&self.scattered);
-        for (path, _) in all() {
+        let paths = || self.emitter_points.paths.iter().chain(&self.scattered.paths);
+        for path in paths() {
             offsets[*path as usize + 1] += 1;
         }
         let longest_path = offsets.iter().copied().max().unwrap_or(0);
@@ -122,14 +154,18 @@ impl LightPool {
         for i in 1..offsets.len() {
             offsets[i] += offsets[i - 1];
         }
+        // The vertex of each place behind the deterministic vertices.
         let mut next = offsets.clone();
-        let mut vertices = self.deterministic_with_cdf();
-        vertices.resize(offsets[light_paths as usize] as usize, Zeroable::zeroed());
-        for (path, vertex) in all() {
-            let slot = &mut next[*path as usize];
-            vertices[*slot as usize] = *vertex;
-            *slot += 1;
+        let mut order = vec![0; paths().count()];
+        for (i, path) in paths().enumerate() {
+            let place = &mut next[*path as usize];
+            order[(*place - first) as usize] = i;
+            *place += 1;
         }
+        let [points, scattered] = [&self.emitter_points.vertices, &self.scattered.vertices];
+        let vertex = |&i: &usize| points.get(i).unwrap_or_else(|| &scattered[i - points.len()]);
+        let mut vertices = self.deterministic_with_cdf();
+        vertices.par_extend(order.par_iter().map(vertex));
         SortedPool {
             vertices,
             records: vec![],
@@ -142,7 +178,7 @@ impl LightPool {
     /// Sorts emitter points and scattered vertices by travel time. The left child of the only node holds their bounds, and in
     /// `child` their number.
     fn by_time(&self) -> SortedPool {
-        let all: Vec<PathVertex> = self.emitter_points.iter().chain(&self.scattered).map(|(_, v)| *v).collect();
+        let all = [&self.emitter_points.vertices[..], &self.scattered.vertices].concat();
         let (_, mut items) = items(&all, 0);
         items.sort_unstable_by(|a, b| a.point[3].total_cmp(&b.point[3]).then(a.index.cmp(&b.index)));
         let mut vertices = self.deterministic_with_cdf();
@@ -172,9 +208,9 @@ impl LightPool {
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });
         let (mut spatial, mut all): (Vec<_>, Vec<_>) = queried.iter().partition(|v| v.flags & VERTEX_EMITTER != 0);
         let (separate3, separate4) = (spatial.len(), all.len());
-        all.extend(self.scattered.iter().map(|(_, v)| *v));
+        all.extend_from_slice(&self.scattered.vertices);
         let emitter_points = if plan.single_tree { &mut all } else { &mut spatial };
-        emitter_points.extend(self.emitter_points.iter().map(|(_, v)| *v));
+        emitter_points.extend_from_slice(&self.emitter_points.vertices);
         let (separate3, mut items3) = items(&spatial, separate3);
         let (separate4, mut items4) = items(&all, separate4);
         let first3 = one_by_one.len() as u32;
@@ -200,7 +236,7 @@ impl LightPool {
             ..self.layout()
         };
         SortedPool {
-            records: vertices.iter().map(leaf_record).collect(),
+            records: vertices.par_iter().map(leaf_record).collect(),
             vertices,
             nodes: [tree3.nodes, tree4.nodes].concat(),
             offsets: vec![],

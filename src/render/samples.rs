@@ -110,13 +110,16 @@ impl Allocation {
     /// with all other light (t = 1) included.
     pub fn add(&mut self, film: &[[f32; 4]], image: &[f32], counts: &SampleCounts, samples: u32) {
         let samples = f64::from(samples);
-        let pixels = self.pixels.par_iter_mut().zip(film).zip(image.par_chunks_exact(3));
-        pixels.enumerate().with_min_len(CHUNK).for_each(|(i, ((pixel, &[r, g, b, squares]), all))| {
-            let count = f64::from(counts.of(i as u32));
-            pixel.samples += count;
-            pixel.sum += count * luminance([r, g, b]);
-            pixel.squares += f64::from(squares);
-            pixel.light += samples * luminance([all[0], all[1], all[2]]);
+        let parts = self.pixels.par_chunks_mut(CHUNK).zip(film.par_chunks(CHUNK)).zip(image.par_chunks(3 * CHUNK));
+        parts.enumerate().for_each(|(part, ((pixels, film), image))| {
+            let pixels = pixels.iter_mut().zip(film).zip(image.chunks_exact(3));
+            for (i, ((pixel, &[r, g, b, squares]), all)) in pixels.enumerate() {
+                let count = f64::from(counts.of((part * CHUNK + i) as u32));
+                pixel.samples += count;
+                pixel.sum += count * luminance([r, g, b]);
+                pixel.squares += f64::from(squares);
+                pixel.light += samples * luminance([all[0], all[1], all[2]]);
+            }
         });
         self.samples += samples;
         self.iterations += 1;

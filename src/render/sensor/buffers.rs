@@ -11,6 +11,9 @@ use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{AuxiliaryPoint, Candidate, FogSegment, PathState, PathVertex, TriangleChoice};
 
+/// Number of pixels that a thread adds at a time.
+const PART: usize = 1 << 12;
+
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers<A: Allocate = Device> {
     pub tile_pixels: A::Buffer,
@@ -126,8 +129,13 @@ impl Buffers {
     /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image.
     pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<()> {
         self.film.with::<[f32; 4], _>(image.len() / 3, |film| {
-            let pixels = image.par_chunks_exact_mut(3).zip(film);
-            pixels.with_min_len(1 << 12).for_each(|(to, from)| (0..3).for_each(|k| to[k] += from[k]));
+            image.par_chunks_mut(3 * PART).zip(film.par_chunks(PART)).for_each(|(image, film)| {
+                for (to, from) in image.chunks_exact_mut(3).zip(film) {
+                    for k in 0..3 {
+                        to[k] += from[k];
+                    }
+                }
+            });
             visit(film, image);
         })
     }
@@ -135,8 +143,14 @@ impl Buffers {
     /// The film's tallies, summed over its `pixels`: dropped contributions, shadow rays, contributions inside the gate, candidates.
     pub fn film_tallies(&self, pixels: usize) -> Result<[u64; 4]> {
         self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
-            let add = |a: [u64; 4], b: [u64; 4]| [0, 1, 2, 3].map(|k| a[k] + b[k]);
-            tallies.par_iter().with_min_len(1 << 12).map(|t| t.map(u64::from)).reduce(|| [0; 4], add)
+            let add = |mut sum: [u64; 4], t: &[u32; 4]| {
+                for k in 0..4 {
+                    sum[k] += u64::from(t[k]);
+                }
+                sum
+            };
+            let sums: Vec<[u64; 4]> = tallies.par_chunks(PART).map(|chunk| chunk.iter().fold([0; 4], add)).collect();
+            sums.iter().fold([0; 4], |all, sum| [0, 1, 2, 3].map(|k| all[k] + sum[k]))
         })
     }
 }
