@@ -46,33 +46,18 @@ impl ResponseFilm {
         !self.squares.is_empty()
     }
 
-    /// Adds the light of one pixel and response in the present iteration. `rgb` is the mean over the samples of the pixel;
-    /// `samples` is the average number of samples per pixel. Call it at most once per iteration for the same pixel and response.
-    pub(crate) fn add(&mut self, pixel: u32, response: u32, rgb: [f64; 3], samples: u32) {
-        let at = 3 * (pixel as usize * self.responses + response as usize);
-        let weight = f64::from(samples);
-        for (k, x) in rgb.into_iter().enumerate() {
-            self.sums[at + k] += weight * x;
-            if let Some(square) = self.squares.get_mut(at + k) {
-                *square += weight * x * x;
-            }
-        }
+    /// The sums of a pixel.
+    pub(crate) fn row_mut(&mut self, pixel: u32) -> FilmRow<'_> {
+        let row = self.row(pixel as usize);
+        FilmRow { sums: &mut self.sums[row.clone()], squares: self.squares.get_mut(row).unwrap_or_default() }
     }
 
-    /// The sums of w x and of w x^2 of a pixel and response; without variances, `None` in place of the sums of w x^2.
-    pub(crate) fn sums_of(&self, pixel: u32, response: u32) -> ([f64; 3], Option<[f64; 3]>) {
-        let at = 3 * (pixel as usize * self.responses + response as usize);
-        let three = |values: &[f64]| [values[at], values[at + 1], values[at + 2]];
-        (three(&self.sums), self.has_variance().then(|| three(&self.squares)))
-    }
-
-    /// Replaces the sums of a pixel and response with those of [`ResponseFilm::sums_of`].
-    pub(crate) fn set(&mut self, pixel: u32, response: u32, sums: [f64; 3], squares: Option<[f64; 3]>) {
-        let at = 3 * (pixel as usize * self.responses + response as usize);
-        self.sums[at..at + 3].copy_from_slice(&sums);
-        if let Some(squares) = squares {
-            self.squares[at..at + 3].copy_from_slice(&squares);
-        }
+    /// The sums of each of the `pixels`, which ascend. Threads may change different pixels at the same time.
+    pub(crate) fn rows_mut(&mut self, pixels: impl Iterator<Item = u32> + Clone) -> impl Iterator<Item = FilmRow<'_>> {
+        let length = 3 * self.responses;
+        let of_squares = if self.has_variance() { length } else { 0 };
+        let rows = rows(&mut self.sums, length, pixels.clone()).zip(rows(&mut self.squares, of_squares, pixels));
+        rows.map(|(sums, squares)| FilmRow { sums, squares })
     }
 
     /// Ends an iteration. Pixels and responses without light in it count as black.
@@ -187,6 +172,58 @@ impl ResponseFilm {
     }
 }
 
+/// The sums of a pixel in a [`ResponseFilm`], response by response.
+pub(crate) struct FilmRow<'a> {
+    sums: &'a mut [f64],
+    squares: &'a mut [f64],
+}
+
+impl FilmRow<'_> {
+    /// Adds the light of a response in the present iteration. `rgb` is the mean over the samples of the pixel; `samples` is the
+    /// average number of samples per pixel. Call it at most once per iteration for the same response.
+    pub(crate) fn add(&mut self, response: u32, rgb: [f64; 3], samples: u32) {
+        let at = 3 * response as usize;
+        let weight = f64::from(samples);
+        for (k, x) in rgb.into_iter().enumerate() {
+            self.sums[at + k] += weight * x;
+            if let Some(square) = self.squares.get_mut(at + k) {
+                *square += weight * x * x;
+            }
+        }
+    }
+
+    /// The sums of w x and of w x^2 of a response; without variances, `None` in place of the sums of w x^2.
+    pub(crate) fn sums_of(&self, response: u32) -> ([f64; 3], Option<[f64; 3]>) {
+        let at = 3 * response as usize;
+        let three = |values: &[f64]| [values[at], values[at + 1], values[at + 2]];
+        (three(self.sums), (!self.squares.is_empty()).then(|| three(self.squares)))
+    }
+
+    /// Replaces the sums of a response with those of [`FilmRow::sums_of`].
+    pub(crate) fn set(&mut self, response: u32, sums: [f64; 3], squares: Option<[f64; 3]>) {
+        let at = 3 * response as usize;
+        self.sums[at..at + 3].copy_from_slice(&sums);
+        if let Some(squares) = squares {
+            self.squares[at..at + 3].copy_from_slice(&squares);
+        }
+    }
+}
+
+/// The `length` values of each of the `pixels`, which ascend.
+pub(crate) fn rows<T>(
+    values: &mut [T],
+    length: usize,
+    pixels: impl Iterator<Item = u32>,
+) -> impl Iterator<Item = &mut [T]> {
+    let (mut rest, mut next) = (values, 0);
+    pixels.map(move |pixel| {
+        let skipped = (pixel - next) as usize * length;
+        let (row, after) = std::mem::take(&mut rest).split_at_mut(skipped).1.split_at_mut(length);
+        (rest, next) = (after, pixel + 1);
+        row
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,7 +245,7 @@ mod tests {
                     let rgb = [1.0, 2.0, 3.0].map(|k| k * value(p, r));
                     image.extend(rgb.map(|x| x as f32));
                     if value(p, r) > 0.0 {
-                        film.add(p, r, rgb, samples);
+                        film.row_mut(p).add(r, rgb, samples);
                     }
                 }
                 films[r as usize].add(&image, samples);
@@ -233,7 +270,7 @@ mod tests {
     #[test]
     fn a_film_without_variance_takes_half_the_memory() {
         let mut film = ResponseFilm::new(1, 2, false);
-        film.add(0, 1, [1.0; 3], 3);
+        film.row_mut(0).add(1, [1.0; 3], 3);
         film.end_iteration(3);
         film.end_iteration(1);
         assert_eq!((film.mean(1), film.variance_of_mean(1)), (vec![0.75; 3], vec![0.0; 3]));

@@ -204,7 +204,7 @@ mod tests {
         let mut film = ScanFilm::new(&scan, 2, true);
         let mut seen = ResponseFilm::new(3, 2, true);
         for x in [1.0, 3.0] {
-            seen.add(2, 1, [x, x, 4.0 * x], 1);
+            seen.row_mut(2).add(1, [x, x, 4.0 * x], 1);
             seen.end_iteration(1);
         }
         let mut total = Film::new(3, 1);

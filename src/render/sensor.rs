@@ -168,7 +168,7 @@ impl SensorTracer {
             }
             stats.samples += tile.sample_count() as u64;
             if let Some(responses) = &mut responses {
-                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), arrivals));
+                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &arrivals));
             }
         }
         let tally = stats.timed(stage::READ_FILM, || self.buffers.film_tallies(image.len() / 3))?;

@@ -26,7 +26,7 @@ fn accumulation(numbers: impl IntoIterator<Item = u32>, count: usize, has_varian
         film.add(&image, samples);
         for t in 0..count as u32 {
             for (pixel, rgb) in iteration(i + t).0.chunks(3).enumerate() {
-                responses.add(pixel as u32, t, [rgb[0], rgb[1], rgb[2]].map(f64::from), samples);
+                responses.row_mut(pixel as u32).add(t, [rgb[0], rgb[1], rgb[2]].map(f64::from), samples);
             }
         }
         responses.end_iteration(samples);

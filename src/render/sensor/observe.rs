@@ -1,5 +1,7 @@
 //! Traces sensor subpaths without a film and reports every contribution to the host.
 
+use std::panic::resume_unwind;
+
 use super::*;
 use crate::gpu::ReadBack;
 use crate::render::plan::Observe;
@@ -40,21 +42,25 @@ impl SensorTracer {
         let mut tiles = Tiles::new(plan.crop, counts);
         while let Some((tile, _)) = tiles.next(self.tile.get()) {
             let constants = self.start_tile(bindings, tile)?;
-            self.observe_bounces(plan, bindings, &tile.samples(), &constants, &mut Stats::default(), visit)?;
+            let take = &mut |part: Vec<SensorContribution>| part.into_iter().for_each(&mut *visit);
+            self.observe_bounces(plan, bindings, &tile.samples(), &constants, &mut Stats::default(), &Some, take)?;
         }
         Ok(())
     }
 
-    /// Runs the bounces of a tile until no path lives or the iteration is abandoned, and calls `visit` with every contribution.
-    /// Returns the seconds of the longest submit that traced paths.
-    pub(super) fn observe_bounces(
+    /// Runs the bounces of a tile until no path lives or the iteration is abandoned. `keep` looks at every contribution; several
+    /// threads call it. `take` gets the values that it returns, in the order of bounces, and of paths in each part. Returns the
+    /// seconds of the longest submit that traced paths.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn observe_bounces<T: Send>(
         &mut self,
         plan: &Plan,
         bindings: &SensorBindings,
         tile: &[TileSample],
         constants: &Dispatch,
         stats: &mut Stats,
-        visit: &mut impl FnMut(SensorContribution),
+        keep: &(impl Fn(SensorContribution) -> Option<T> + Sync),
+        take: &mut impl FnMut(Vec<T>),
     ) -> Result<f64> {
         let (mut living, mut longest) = (constants.count, 0.0f64);
         for bounce in 0..plan.max_depth {
@@ -70,7 +76,7 @@ impl SensorTracer {
                 Seen { bounce, traced, shade_points: self.read_counters(constants.count, stats)?[SHADE as usize] };
             stats.timed(stage::RECORD, || self.record_report(plan, tile, &seen))?;
             longest = longest.max(stats.submit(&mut self.recorder)?);
-            stats.timed(stage::READ_FILM, || self.report(plan, tile, &seen, visit))?;
+            stats.timed(stage::READ_FILM, || self.report(plan, tile, &seen, keep, take))?;
             if living == 0 {
                 break;
             }
@@ -96,61 +102,96 @@ impl SensorTracer {
         self.record_counters()
     }
 
-    /// Calls `visit` with the contributions that a bounce has found for a tile.
-    fn report(
+    /// Calls `keep` with the contributions that a bounce has found for a tile, and `take` with the values that it returns.
+    fn report<T: Send>(
         &self,
         plan: &Plan,
         tile: &[TileSample],
         seen: &Seen,
-        visit: &mut impl FnMut(SensorContribution),
+        keep: &(impl Fn(SensorContribution) -> Option<T> + Sync),
+        take: &mut impl FnMut(Vec<T>),
     ) -> Result<()> {
-        let b = &self.buffers;
-        let found = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<u32>, ellipsoidal: bool| {
-            let pixel = tiles::crop_pixel(plan.crop, tile.get(path as usize)?[0]);
+        let (b, slots) = (&self.buffers, self.slots);
+        let no_path = || computes_wrongly("it listed a path that does not exist");
+        let found = |path: u32, [r, g, b, tau_or_weight]: [f32; 4], vertex: Option<u32>| {
+            let pixel = tiles::crop_pixel(plan.crop, tile.get(path as usize).ok_or_else(no_path)?[0]);
+            let ellipsoidal = vertex.is_some_and(|vertex| vertex != SKY_VERTEX && vertex & ELLIPSOIDAL != 0);
+            let vertex = vertex.map(|vertex| if ellipsoidal { vertex & !ELLIPSOIDAL } else { vertex });
             let rgb = [r, g, b];
-            Some(SensorContribution { rgb, tau_or_weight, path, pixel, t: seen.bounce + 2, vertex, ellipsoidal })
+            Ok(keep(SensorContribution { rgb, tau_or_weight, path, pixel, t: seen.bounce + 2, vertex, ellipsoidal }))
         };
 
         // Emitter hits of the traced paths.
         let traced = b.living[seen.parity()].with(seen.traced as usize, <[u32]>::to_vec)?;
-        let are_right = b.emitted.with::<[f32; 4], _>(tile.len(), |emitted| {
-            traced.iter().all(|&path| match emitted.get(path as usize) {
-                Some(e) if *e == [0.0; 4] => true,
-                Some(&e) => found(e, path, None, false).map(&mut *visit).is_some(),
-                None => false,
+        let emitted = |emitted: &[[f32; 4]]| {
+            in_parts(&traced, |path| match emitted.get(path as usize) {
+                Some(&value) if has_light(value) => found(path, value, None),
+                Some(_) => Ok(None),
+                None => Err(no_path()),
             })
-        })?;
-        let check = |are_right: bool| match are_right {
-            true => Ok(()),
-            false => Err(computes_wrongly("it listed a path that does not exist")),
         };
-        check(are_right)?;
+        b.emitted.with(tile.len(), emitted)??.into_iter().for_each(&mut *take);
 
-        let (shade_points, entries) = seen.lengths(self.slots);
+        let (shade_points, entries) = seen.lengths(slots);
         if shade_points == 0 {
             return Ok(());
         }
         // Connections, without those for which no shadow ray was traced.
         let candidates = self.read_counters(tile.len() as u32, &mut Stats::default())?[CANDIDATES as usize];
-        let slots = b.slot_list.with(candidates as usize, <[u32]>::to_vec)?;
+        let slot_list = b.slot_list.with(candidates as usize, <[u32]>::to_vec)?;
         let shade_list = b.shade_list.with(shade_points, <[u32]>::to_vec)?;
-        let live: Option<Vec<(u32, [f32; 4])>> = b.contributions.with::<[f32; 4], _>(entries, |contributions| {
-            let all = slots.iter().map(|&slot| Some((slot, *contributions.get(slot as usize)?)));
-            all.filter(|found| found.is_none_or(|(_, c)| c[3] > NOT_TRACED)).collect()
-        })?;
-        let Some(live) = live else { return check(false) };
-        let mut show = |slot: u32, c: [f32; 4], vertex: Option<u32>| {
-            let ellipsoidal = vertex.is_some_and(|vertex| vertex != SKY_VERTEX && vertex & ELLIPSOIDAL != 0);
-            let vertex = vertex.map(|vertex| if ellipsoidal { vertex & !ELLIPSOIDAL } else { vertex });
-            found(c, shade_list[(slot / self.slots) as usize], vertex, ellipsoidal).map(&mut *visit).is_some()
+        let vertices_of = |candidates: &[Candidate]| candidates.iter().map(|candidate| candidate.vertex).collect();
+        let vertices: Vec<u32> = match plan.observe.has_vertices() {
+            true => b.candidates.with(entries, vertices_of)?,
+            false => vec![],
         };
-        check(match plan.observe.has_vertices() {
-            true => b.candidates.with::<Candidate, _>(entries, |candidates| {
-                live.into_iter().all(|(slot, c)| show(slot, c, Some(candidates[slot as usize].vertex)))
-            })?,
-            false => live.into_iter().all(|(slot, c)| show(slot, c, None)),
-        })
+        let connections = |contributions: &[[f32; 4]]| {
+            in_parts(&slot_list, |slot| {
+                let value = *contributions.get(slot as usize).ok_or_else(no_path)?;
+                match has_light(value) && value[3] > NOT_TRACED {
+                    true => found(shade_list[(slot / slots) as usize], value, vertices.get(slot as usize).copied()),
+                    false => Ok(None),
+                }
+            })
+        };
+        in_order(&shade_list)?;
+        b.contributions.with(entries, connections)??.into_iter().for_each(take);
+        Ok(())
     }
+}
+
+fn has_light([r, g, b, _]: [f32; 4]) -> bool {
+    [r, g, b] != [0.0; 3]
+}
+
+/// Minimum number of entries of a list for each thread. To start a thread takes as long as to read about a thousand entries.
+const MIN_PART: usize = 1 << 14;
+
+/// Fails if the entries of a list do not ascend.
+fn in_order(list: &[u32]) -> Result<()> {
+    match list.is_sorted() {
+        true => Ok(()),
+        false => Err(computes_wrongly("it listed paths out of order")),
+    }
+}
+
+/// Calls `read` with the entries of `list`, in several threads. Returns the values that it found, in the order of the list, in one
+/// part per thread.
+fn in_parts<T: Send>(list: &[u32], read: impl Fn(u32) -> Result<Option<T>> + Sync) -> Result<Vec<Vec<T>>> {
+    let read_all = &|part: &[u32]| -> Result<Vec<T>> {
+        in_order(part)?;
+        part.iter().filter_map(|&entry| read(entry).transpose()).collect()
+    };
+    let threads = rayon::current_num_threads().min(list.len() / MIN_PART).max(1);
+    let mut parts = list.chunks(list.len().div_ceil(threads).max(1));
+    let first = parts.next().unwrap_or_default();
+    // The caller holds the lock of the device. A thread of rayon that waits may take up a task that needs this lock, so these
+    // threads are not of rayon.
+    std::thread::scope(|scope| {
+        let others: Vec<_> = parts.map(|part| scope.spawn(move || read_all(part))).collect();
+        let others = others.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        std::iter::once(read_all(first)).chain(others).collect()
+    })
 }
 
 /// A bounce of a tile that the host reads.

@@ -13,22 +13,23 @@ impl SensorTracer {
         bindings: &SensorBindings,
         tile: &Tile,
         is_last: bool,
-        arrivals: Option<&mut Vec<Arrival>>,
+        arrivals: Option<&mut Vec<Vec<Arrival>>>,
         stats: &mut Stats,
     ) -> Result<()> {
         let constants = stats.timed(stage::RECORD, || self.start_tile(bindings, tile))?;
         let mut longest = match (arrivals, self.waits_per_bounce) {
             (Some(arrivals), _) => {
-                let samples = tile.samples();
-                let counts = |path: u32| samples[path as usize][1] >> 16;
-                self.observe_bounces(plan, bindings, &samples, &constants, stats, &mut |seen| {
-                    let share = 1.0 / counts(seen.path) as f32;
+                let (samples, indices) = (tile.samples(), tile.pixel_indices());
+                let keep = |seen: SensorContribution| {
+                    let share = 1.0 / (samples[seen.path as usize][1] >> 16) as f32;
                     let rgb = seen.rgb.map(|x| x * share);
                     // The kernels count values that are not finite as dropped, so the host leaves them out.
-                    if rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3] {
-                        arrivals.push(Arrival { pixel: seen.pixel, tau: seen.tau_or_weight, rgb });
-                    }
-                })?
+                    let has_light = rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3];
+                    let pixel = indices[seen.path as usize];
+                    has_light.then_some(Arrival { pixel, tau: seen.tau_or_weight, rgb })
+                };
+                let take = &mut |part| arrivals.push(part);
+                self.observe_bounces(plan, bindings, &samples, &constants, stats, &keep, take)?
             }
             (None, true) => self.run_bounces(plan, bindings, &constants, stats)?,
             (None, false) => self.record_bounces(plan, bindings, &constants, stats)?,

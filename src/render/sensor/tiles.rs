@@ -44,6 +44,13 @@ impl Tile {
         self.pixels[..self.pixel_count()].iter().map(|&[film_pixel, _]| crop_pixel(crop, film_pixel)).collect()
     }
 
+    /// For each sample, the index of its pixel in the tile.
+    pub fn pixel_indices(&self) -> Vec<u32> {
+        let of_pixel =
+            |(index, pair): (u32, &[TilePixel])| std::iter::repeat_n(index, (pair[1][1] - pair[0][1]) as usize);
+        (0..).zip(self.pixels.windows(2)).flat_map(of_pixel).collect()
+    }
+
     /// The list of the samples, as the device makes it.
     pub fn samples(&self) -> Vec<TileSample> {
         let of_pixel = |pair: &[TilePixel]| {
@@ -140,12 +147,14 @@ mod tests {
                     assert!(samples.len() <= max.max(7) && !ended, "{width} x {height}");
                     ended = is_last;
                     let mut here = vec![0; seen.len()];
-                    for [film_pixel, number_and_count] in samples {
+                    let (listed, indices) = (tile.crop_pixels(crop), tile.pixel_indices());
+                    for (&[film_pixel, number_and_count], index) in samples.iter().zip(indices) {
                         let (number, count) = (number_and_count & 0xffff, number_and_count >> 16);
                         let [x, y] = [film_pixel & 0xffff, film_pixel >> 16];
                         assert!((crop.x0..crop.x1).contains(&x) && (crop.y0..crop.y1).contains(&y));
                         let pixel = crop_pixel(crop, film_pixel);
                         assert_eq!(pixel, (y - crop.y0) * width + x - crop.x0);
+                        assert_eq!(listed[index as usize], pixel);
                         assert_eq!(number, here[pixel as usize], "numbers run from 0");
                         assert_eq!(count, counts.of(pixel));
                         here[pixel as usize] += 1;

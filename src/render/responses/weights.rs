@@ -1,0 +1,153 @@
+//! The weights of responses, and which responses see a travel time.
+
+use crate::render::space::RenderSpace;
+use crate::settings::{Response, Responses};
+
+/// The weights of all responses.
+pub struct Weights {
+    /// If all responses are boxes: begin and end of each gate as f32 in render space, the same as in a render with this gate alone.
+    boxes: Vec<[f32; 2]>,
+    /// Whether no box begins before the previous box ends, so that a binary search finds the box of a travel time.
+    are_sorted: bool,
+    /// If some responses are not boxes: all responses.
+    others: Vec<Response>,
+    /// Which of the `others` a travel time may meet.
+    supports: Supports,
+    /// Metres per unit of the render space.
+    unit: f64,
+}
+
+impl Weights {
+    pub fn new(responses: &Responses, space: &RenderSpace) -> Weights {
+        let are_boxes = responses.iter().all(Response::is_box);
+        let edge = |metres: f64| space.length(metres) as f32;
+        let boxes: Vec<[f32; 2]> = match are_boxes {
+            true => responses.iter().map(|r| [edge(r.gate().lo), edge(r.gate().hi)]).collect(),
+            false => vec![],
+        };
+        let are_sorted = boxes.is_sorted_by(|a, b| a[1] <= b[0]);
+        let others = if are_boxes { vec![] } else { responses.iter().cloned().collect() };
+        let supports = Supports::new(&others);
+        Weights { boxes, are_sorted, others, supports, unit: space.unit }
+    }
+
+    /// Number of responses.
+    pub fn count(&self) -> usize {
+        self.boxes.len() + self.others.len()
+    }
+
+    /// Calls `visit` with the index and the weight of every response that sees light of travel time `tau`.
+    pub fn visit(&self, tau: f32, mut visit: impl FnMut(u32, f64)) {
+        // If travel times omit the ways to a wall, rounding or a field of view may put light slightly before time 0.
+        let tau = tau.max(0.0);
+        let metres = f64::from(tau) * self.unit;
+        self.supports.visit(metres, |k| {
+            let weight = self.others[k].weight(metres);
+            if weight > 0.0 {
+                visit(k as u32, weight);
+            }
+        });
+        let contains = |[lo, hi]: [f32; 2]| lo <= tau && tau < hi;
+        if !self.are_sorted {
+            let inside = self.boxes.iter().enumerate().filter(|(_, gate)| contains(**gate));
+            return inside.for_each(|(k, _)| visit(k as u32, 1.0));
+        }
+        let after = self.boxes.partition_point(|gate| gate[0] <= tau);
+        if let Some(k) = after.checked_sub(1).filter(|&k| contains(self.boxes[k])) {
+            visit(k as u32, 1.0);
+        }
+    }
+}
+
+/// Relative rounding error of travel times and of the ends of supports, with a margin.
+const ROUNDING: f64 = 1e-12;
+
+/// The supports of responses, to find those that may see a travel time.
+struct Supports {
+    /// Begin and end of the support of one pulse in metres.
+    ends: Vec<[f64; 2]>,
+    /// Travel time in metres after which all weights repeat.
+    period: Option<f64>,
+    /// Whether begins and ends ascend and all responses have the same period. If not, every response may see every time.
+    are_sorted: bool,
+    /// Greatest finite distance of an end from time 0.
+    reach: f64,
+}
+
+impl Supports {
+    fn new(responses: &[Response]) -> Supports {
+        let ends: Vec<[f64; 2]> =
+            responses.iter().map(Response::support_of_pulse).map(|support| [support.lo, support.hi]).collect();
+        let period = responses.first().and_then(Response::period);
+        let ascend = ends.is_sorted_by(|a, b| a[0] <= b[0] && a[1] <= b[1]);
+        let are_sorted = ascend && responses.iter().all(|response| response.period() == period);
+        let reach = ends.iter().flatten().map(|end| end.abs()).filter(|end| end.is_finite()).fold(0.0, f64::max);
+        Supports { ends, period, are_sorted, reach }
+    }
+
+    /// Calls `visit` in ascending order with the index of each response whose support contains the travel time `tau` in metres, of any
+    /// pulse. Rounding may add a response that begins or ends at `tau`.
+    fn visit(&self, tau: f64, mut visit: impl FnMut(usize)) {
+        if !self.are_sorted {
+            return (0..self.ends.len()).for_each(visit);
+        }
+        let margin = ROUNDING * (tau + self.reach);
+        let [Some([first, _]), Some([_, last])] = [self.ends.first(), self.ends.last()] else { return };
+        let pulses = match self.period {
+            None => 0..=0,
+            Some(period) => {
+                ((first - margin - tau) / period).ceil() as i64..=((last + margin - tau) / period).floor() as i64
+            }
+        };
+        let mut next = 0;
+        for pulse in pulses {
+            let time = tau + self.period.map_or(0.0, |period| pulse as f64 * period);
+            let begin = self.ends.partition_point(|[_, end]| *end < time - margin);
+            let end = self.ends.partition_point(|[begin, _]| *begin <= time + margin);
+            (next.max(begin)..end).for_each(&mut visit);
+            next = next.max(end);
+        }
+    }
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use crate::settings::Edge;
+    use crate::settings::units::Gate;
+
+    pub fn gates(count: u32, width: f64, edge: Edge) -> Vec<Response> {
+        let gate = |k: u32| Gate { lo: 4.0 + width * f64::from(k), hi: 4.0 + width * f64::from(k + 1) };
+        (0..count).map(|k| Response::new(k.to_string(), gate(k), edge)).collect()
+    }
+
+    #[test]
+    fn every_response_that_sees_a_time_is_visited() {
+        let edges = [Edge::Sharp, Edge::Ramp(0.07), Edge::Gauss(0.05)];
+        let mut cases: Vec<Vec<Response>> = edges.map(|edge| gates(60, 0.1, edge)).into();
+        for period in [0.35, 1.0, 3.3, 6.0, 25.0] {
+            cases.extend(edges.map(|edge| gates(60, 0.1, edge).into_iter().map(|r| r.repeated(period)).collect()));
+        }
+        // An open gate, and gates in descending order.
+        cases.push(vec![
+            Response::new("a", Gate::OPEN, Edge::Sharp),
+            Response::new("b", Gate { lo: 1.0, hi: 2.0 }, edges[1]),
+        ]);
+        cases.push(gates(5, 0.5, edges[2]).into_iter().rev().collect());
+        for responses in cases {
+            let supports = Supports::new(&responses);
+            let (mut visits, mut seen) = (0, 0);
+            // Among the times are the ends of gates.
+            for tau in (0..4000).map(|i| 0.0025 * f64::from(i)) {
+                let mut visited = vec![];
+                supports.visit(tau, |k| visited.push(k));
+                assert!(visited.is_sorted_by(|a, b| a < b), "{visited:?}");
+                let sees = |k: usize| responses[k].weight(tau) > 0.0;
+                let missed = (0..responses.len()).find(|k| sees(*k) && !visited.contains(k));
+                assert_eq!(missed, None, "{tau} {:?}", responses[0]);
+                (visits, seen) = (visits + visited.len(), seen + visited.iter().filter(|k| sees(**k)).count());
+            }
+            assert!(!supports.are_sorted || visits < seen + 4000, "{visits} visits, {seen} of them useful");
+        }
+    }
+}
