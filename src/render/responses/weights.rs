@@ -7,8 +7,8 @@ use crate::settings::{Response, Responses};
 pub struct Weights {
     /// If all responses are boxes: begin and end of each gate as f32 in render space, the same as in a render with this gate alone.
     boxes: Vec<[f32; 2]>,
-    /// Whether no box begins before the previous box ends, so that a binary search finds the box of a travel time.
-    are_sorted: bool,
+    /// If no box begins before the previous box ends: finds the box of a travel time.
+    begins: Option<Begins>,
     /// If some responses are not boxes: all responses.
     others: Vec<Response>,
     /// Which of the `others` a travel time may meet.
@@ -25,10 +25,10 @@ impl Weights {
             true => responses.iter().map(|r| [edge(r.gate().lo), edge(r.gate().hi)]).collect(),
             false => vec![],
         };
-        let are_sorted = boxes.is_sorted_by(|a, b| a[1] <= b[0]);
+        let begins = boxes.is_sorted_by(|a, b| a[1] <= b[0]).then(|| Begins::new(&boxes));
         let others = if are_boxes { vec![] } else { responses.iter().cloned().collect() };
         let supports = Supports::new(&others);
-        Weights { boxes, are_sorted, others, supports, unit: space.unit }
+        Weights { boxes, begins, others, supports, unit: space.unit }
     }
 
     /// Number of responses.
@@ -48,14 +48,49 @@ impl Weights {
             }
         });
         let contains = |[lo, hi]: [f32; 2]| lo <= tau && tau < hi;
-        if !self.are_sorted {
+        let Some(begins) = &self.begins else {
             let inside = self.boxes.iter().enumerate().filter(|(_, gate)| contains(**gate));
             return inside.for_each(|(k, _)| visit(k as u32, 1.0));
-        }
-        let after = self.boxes.partition_point(|gate| gate[0] <= tau);
+        };
+        let after = begins.count_until(&self.boxes, tau);
         if let Some(k) = after.checked_sub(1).filter(|&k| contains(self.boxes[k])) {
             visit(k as u32, 1.0);
         }
+    }
+}
+
+/// Counts the boxes that begin before a travel time. It divides the times into cells of equal width. A binary search in the cell of
+/// the travel time visits few boxes, or one if all boxes are equally wide.
+struct Begins {
+    first: f32,
+    cells_per_unit: f32,
+    /// Number of boxes that begin in earlier cells, per cell, and the number of all boxes.
+    earlier: Vec<u32>,
+}
+
+impl Begins {
+    /// `boxes` ascend.
+    fn new(boxes: &[[f32; 2]]) -> Begins {
+        let (first, last) = (boxes.first().map_or(0.0, |gate| gate[0]), boxes.last().map_or(0.0, |gate| gate[0]));
+        let cells_per_unit = boxes.len() as f32 / (last - first).max(f32::MIN_POSITIVE);
+        let mut begins = Begins { first, cells_per_unit, earlier: vec![0; boxes.len() + 2] };
+        for cell in 0..boxes.len() + 2 {
+            let is_earlier = |gate: &[f32; 2]| begins.cell(gate[0]) < cell;
+            begins.earlier[cell] = boxes.partition_point(is_earlier) as u32;
+        }
+        begins
+    }
+
+    /// The cell of a travel time. Rounding keeps the order: of two times, the earlier one never has the later cell.
+    fn cell(&self, tau: f32) -> usize {
+        (((tau - self.first) * self.cells_per_unit) as usize).min(self.earlier.len() - 2)
+    }
+
+    /// Number of `boxes` that begin at `tau` or earlier.
+    fn count_until(&self, boxes: &[[f32; 2]], tau: f32) -> usize {
+        let cell = self.cell(tau);
+        let [begin, end] = [self.earlier[cell] as usize, self.earlier[cell + 1] as usize];
+        begin + boxes[begin..end].partition_point(|gate| gate[0] <= tau)
     }
 }
 
@@ -148,6 +183,27 @@ pub mod tests {
                 (visits, seen) = (visits + visited.len(), seen + visited.iter().filter(|k| sees(**k)).count());
             }
             assert!(!supports.are_sorted || visits < seen + 4000, "{visits} visits, {seen} of them useful");
+        }
+    }
+
+    #[test]
+    fn cells_find_the_same_box_as_a_search_of_all() {
+        let widths = [1.0, 1e-6, 3.0, 0.0, 1e-3, 1e30, 0.1];
+        let uneven = (0..70).scan(0.2f32, |end, i| {
+            let begin = *end;
+            *end += widths[i % 7] * 0.7;
+            Some([begin, *end])
+        });
+        let even = |count: u32| (0..count).map(|k| [4.0 + 0.04 * k as f32, 4.04 + 0.04 * k as f32]).collect();
+        let all: [Vec<[f32; 2]>; 6] =
+            [uneven.collect(), even(300), even(1), vec![], vec![[1.0, 1.0]; 9], vec![[0.0, f32::INFINITY]]];
+        for boxes in all {
+            let begins = Begins::new(&boxes);
+            let ends = boxes.iter().flatten().flat_map(|x| [x.next_down(), *x, x.next_up()]);
+            for tau in ends.chain((0..2000).map(|i| 0.01 * i as f32)).chain([f32::MAX, f32::INFINITY]) {
+                let wanted = boxes.partition_point(|gate| gate[0] <= tau);
+                assert_eq!(begins.count_until(&boxes, tau), wanted, "{tau} in {} boxes", boxes.len());
+            }
         }
     }
 }
