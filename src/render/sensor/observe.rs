@@ -165,7 +165,7 @@ fn has_light([r, g, b, _]: [f32; 4]) -> bool {
 }
 
 /// Minimum number of entries of a list for each thread. To start a thread takes as long as to read about a thousand entries.
-const MIN_PART: usize = 1 << 14;
+const MIN_PART: usize = 1 << 15;
 
 /// Fails if the entries of a list do not ascend.
 fn in_order(list: &[u32]) -> Result<()> {
