@@ -262,7 +262,7 @@ impl Bench {
                 )),
                 [Some(_), None] => {}
                 [Some(_), Some(trimmed)] => {
-                    progress.line(&format!(
+                    progress.failure(&format!(
                         "refused: {}: trimmed, {}; relMSE over all pixels fails too; make a better reference with: {}",
                         scene.name,
                         nearness(trimmed, summary::trimmed),

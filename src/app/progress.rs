@@ -125,6 +125,14 @@ impl Progress {
         }
     }
 
+    /// Prints why the command ends with an error, also if all else is quiet.
+    pub fn failure(&self, text: &str) {
+        match self {
+            Progress::Quiet => super::say(text),
+            _ => self.line(text),
+        }
+    }
+
     /// Removes the bar.
     pub fn finish(&self) {
         if let Progress::Bar(bar) = self {

@@ -146,7 +146,7 @@ fn a_suite_runs_from_reference_to_report_and_resumes() {
 fn a_reference_that_is_too_noisy_is_refused() {
     let here = folder("200ms", "7.5m..8.5m");
     succeeds(here.path(), &["bench", "s.toml", "--reference", "--reference-time", "10ms", "-q"]);
-    let output = taugate(here.path(), &["bench", "s.toml"]);
+    let output = taugate(here.path(), &["bench", "s.toml", "-q"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(message.contains("refused: the box") && message.contains("--reference"), "{message}");

@@ -139,7 +139,7 @@ fn report_outcome(scene: &str, path: &Path, report: &ReferenceReport, progress: 
     }
     let Agreement { max_z, threshold, tests, .. } = agreement;
     if !agreement.agree {
-        progress.line(&format!(
+        progress.failure(&format!(
             "{scene}: no reference was written, because the render by {variant} in {taken} differs from {judge} (|z| = {max_z:.1} in \
              one of {tests} means of cells, where {threshold:.1} is significant); {} keeps it, and the next run has other seeds",
             reference::rejected(path).display()
