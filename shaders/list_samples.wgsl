@@ -15,6 +15,6 @@ fn list_samples(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = tile_pixels[id.x];
     let count = tile_pixels[id.x + 1u].y - pixel.y;
     for (var number = 0u; number < count; number++) {
-        tile_samples[pixel.y + number] = vec2<u32>(pixel.x, count << 16u | number);
+        tile_samples[pixel.y + number] = vec2<u32>(pixel.x, (count << 16u) | number);
     }
 }

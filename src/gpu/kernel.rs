@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::bindings::{Bindings, DescriptorSets};
+use super::bounds;
 use super::buffer::Buffer;
 use super::device::Device;
 use super::pipeline::Pipeline;
@@ -50,9 +51,14 @@ impl KernelCache {
     }
 }
 
-#[cfg(test)]
 impl Device {
+    /// Whether the device keeps kernels for later use. It keeps none that check their indices.
+    pub fn keeps_kernels(&self) -> bool {
+        !bounds::checked()
+    }
+
     /// Number of compiled kernels that the device keeps.
+    #[cfg(test)]
     pub fn kernels_kept(&self) -> usize {
         self.kernels.lock().unwrap_or_else(PoisonError::into_inner).kept.len()
     }

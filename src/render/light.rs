@@ -204,8 +204,8 @@ impl LightTracer {
 
     /// Files of the kernels, whose entry points have the same names.
     pub fn files(info: &DeviceInfo) -> Vec<&'static str> {
-        let files = ["light_start", "light_trace", "light_splat", "light_mark", "light_keep"];
-        files[..if info.drive.waits_per_bounce { 3 } else { 5 }].to_vec()
+        let device_loop: &[&str] = if info.drive.waits_per_bounce { &[] } else { &["light_mark", "light_keep"] };
+        [&["light_start", "light_trace", "light_splat"], device_loop].concat()
     }
 
     /// Replaces the punctual lights.

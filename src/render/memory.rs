@@ -11,13 +11,17 @@ use crate::estimators::PoolOrder;
 use crate::gpu::{BufferDesc, DeviceInfo};
 use crate::scene::Scene;
 use crate::settings::Settings;
+use crate::wgsl::layout::PathVertex;
 
 /// Estimated number of stored vertices per light path. Scenes vary from 1 (outdoors) to more than 10 (white rooms).
 const VERTICES_PER_PATH: u32 = 4;
 /// Maximum number of host bytes per triangle while the BVH is built: corners, boxes, two node formats, order.
 const BUILD_BYTES: u64 = 320;
-/// Host bytes per pixel: the double-double sums of the film, the image of an iteration, and the number of samples in sample order.
-const PIXEL_BYTES: u64 = 120;
+/// Host bytes per pixel: the double-double sums of the film, the image of an iteration, a copy of its film on the device, and the
+/// number of samples in sample order.
+const PIXEL_BYTES: u64 = 136;
+/// Host bytes per light vertex: the vertex in the pool, the index of its path, and its place.
+const VERTEX_BYTES: u64 = size_of::<PathVertex>() as u64 + 8;
 /// Additional host bytes per pixel for adaptive sampling: the sample statistics and the sample count.
 const ADAPTIVE_PIXEL_BYTES: u64 = 41;
 /// Host bytes of the program itself, the driver and the driver's compiler.
@@ -52,7 +56,8 @@ impl MemoryPlan {
         let info = device.unwrap_or(&unlimited);
         let (scene_buffers, iteration) =
             (DeviceScene::buffer_descs(prepared), iteration_buffers(info, &plan, prepared));
-        let pool = pool_buffers(&plan, plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth)));
+        let vertices = plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth));
+        let pool = pool_buffers(&plan, vertices);
         let buffers = sum(&scene_buffers) + sum(&iteration) + sum(&pool);
         let triangles = prepared.triangles() as u64;
         let flat = DeviceScene::host_bytes(prepared) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
@@ -60,7 +65,9 @@ impl MemoryPlan {
         let copies: u64 = iteration.iter().filter(|desc| desc.read_back).map(|desc| desc.bytes).sum();
         let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
         let pixels = (PIXEL_BYTES + if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 }) * plan.crop_pixels;
-        let host_bytes = PROGRAM_BYTES + scene_bytes(scene) + (BUILD_BYTES * triangles).max(flat + on_host + pixels);
+        let host_bytes = PROGRAM_BYTES
+            + scene_bytes(scene)
+            + (BUILD_BYTES * triangles).max(flat + on_host + pixels + VERTEX_BYTES * u64::from(vertices));
         let certain = certain_buffers(info, &plan, prepared);
         Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, certain })
     }

@@ -178,7 +178,7 @@ impl Renderer {
         prepared: &PreparedScene,
         mut stats: Stats,
     ) -> Result<Renderer> {
-        // A dark plan traces nothing.
+        // A dark plan needs no kernel until a restart changes its gate.
         if !plan.dark {
             stats.prepared(stage::COMPILE, || precompile::compile_all(device, &plan))?;
         }

@@ -156,14 +156,14 @@ impl LightPool {
         }
         // The vertex of each place behind the deterministic vertices.
         let mut next = offsets.clone();
-        let mut order = vec![0; paths().count()];
-        for (i, path) in paths().enumerate() {
+        let mut order = vec![0u32; paths().count()];
+        for (i, path) in (0..).zip(paths()) {
             let place = &mut next[*path as usize];
             order[(*place - first) as usize] = i;
             *place += 1;
         }
         let [points, scattered] = [&self.emitter_points.vertices, &self.scattered.vertices];
-        let vertex = |&i: &usize| points.get(i).unwrap_or_else(|| &scattered[i - points.len()]);
+        let vertex = |&i: &u32| points.get(i as usize).unwrap_or_else(|| &scattered[i as usize - points.len()]);
         let mut vertices = self.deterministic_with_cdf();
         vertices.par_extend(order.par_iter().map(vertex));
         SortedPool {

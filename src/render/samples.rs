@@ -281,6 +281,25 @@ mod tests {
         assert!(sum(0..9).abs_diff(10 * 90) <= 2 && sum(11..20).abs_diff(6 * 90) <= 2, "{} {}", sum(0..9), sum(11..20));
     }
 
+    /// The image has several parts, and the last one is not full.
+    #[test]
+    fn every_pixel_learns_from_its_own_samples() {
+        let pixels = 2 * CHUNK + 77;
+        let counts = SampleCounts::PerPixel((0..pixels).map(|i| 1 + (i % 9) as u8).collect());
+        let film: Vec<[f32; 4]> = (0..pixels).map(|i| [i as f32, 0.5, 2.0, 3.0 + i as f32]).collect();
+        let image: Vec<f32> = (0..3 * pixels).map(|i| i as f32).collect();
+        let mut allocation = Allocation::new(pixels as u32, pixels as u64);
+        allocation.add(&film, &image, &counts, 5);
+        for (i, pixel) in allocation.pixels.iter().enumerate() {
+            let count = 1.0 + (i % 9) as f64;
+            let light = 5.0 * luminance([0, 1, 2].map(|k| image[3 * i + k]));
+            let wanted = [count, count * luminance([i as f32, 0.5, 2.0]), 3.0 + i as f64, light];
+            assert_eq!([pixel.samples, pixel.sum, pixel.squares, pixel.light], wanted, "pixel {i}");
+        }
+        let parts = sum_of_chunks(&allocation.pixels, |part| [part.len() as f64, part.iter().map(|p| p.samples).sum()]);
+        assert_eq!(parts, [pixels as f64, (0..pixels).map(|i| 1.0 + (i % 9) as f64).sum()]);
+    }
+
     #[test]
     fn no_pixel_has_none_and_none_has_all() {
         for samples in [2, 3, 4, 16] {

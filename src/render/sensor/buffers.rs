@@ -128,16 +128,18 @@ impl Buffers {
 
     /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image.
     pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<()> {
-        self.film.with::<[f32; 4], _>(image.len() / 3, |film| {
-            image.par_chunks_mut(3 * PART).zip(film.par_chunks(PART)).for_each(|(image, film)| {
-                for (to, from) in image.chunks_exact_mut(3).zip(film) {
-                    for k in 0..3 {
-                        to[k] += from[k];
-                    }
+        // `with` holds a lock of the queue. A thread that waits for rayon may take over a task that needs the same lock, so only a
+        // copy is shared among threads.
+        let film = self.film.with::<[f32; 4], _>(image.len() / 3, <[_]>::to_vec)?;
+        image.par_chunks_mut(3 * PART).zip(film.par_chunks(PART)).for_each(|(image, film)| {
+            for (to, from) in image.chunks_exact_mut(3).zip(film) {
+                for k in 0..3 {
+                    to[k] += from[k];
                 }
-            });
-            visit(film, image);
-        })
+            }
+        });
+        visit(&film, image);
+        Ok(())
     }
 
     /// The film's tallies, summed over its `pixels`: dropped contributions, shadow rays, contributions inside the gate, candidates.
@@ -149,8 +151,7 @@ impl Buffers {
                 }
                 sum
             };
-            let sums: Vec<[u64; 4]> = tallies.par_chunks(PART).map(|chunk| chunk.iter().fold([0; 4], add)).collect();
-            sums.iter().fold([0; 4], |all, sum| [0, 1, 2, 3].map(|k| all[k] + sum[k]))
+            tallies.iter().fold([0; 4], add)
         })
     }
 }

@@ -129,6 +129,36 @@ pub fn crop_pixel(crop: Crop, film_pixel: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::{Buffer, Device, Kernel, Recorder};
+    use crate::wgsl::layout::Dispatch;
+
+    /// The samples of a tile as the kernel lists them.
+    fn listed_by_device(device: &Device, kernel: &Kernel, tile: &Tile) -> Vec<TileSample> {
+        let count = tile.sample_count();
+        let pixels = Buffer::from_slice(device, "pixels", tile.pixels(), "").unwrap();
+        let samples = Buffer::from_slice(device, "samples", &vec![[u32::MAX; 2]; count], "").unwrap();
+        let bound = kernel.bind(&[("tile_pixels", &pixels), ("tile_samples", &samples)]).unwrap();
+        let over_pixels = Dispatch { count: tile.pixel_count() as u32, ..bytemuck::Zeroable::zeroed() };
+        let mut recorder = Recorder::new(device).unwrap();
+        recorder.dispatch("test", kernel, &bound, &over_pixels, kernel.groups(tile.pixel_count())).unwrap();
+        recorder.submit().unwrap();
+        samples.to_vec(count).unwrap()
+    }
+
+    #[test]
+    fn the_device_lists_the_samples_of_a_tile() {
+        let device = Device::open(None).expect("this test needs a Vulkan device: run ./setup.sh");
+        let kernel = Kernel::new(&device, "list_samples", "list_samples", &[]).unwrap();
+        let crop = Crop { x0: 5, y0: 11, x1: 28, y1: 28 };
+        let each = SampleCounts::PerPixel((0..23 * 17).map(|i| 1 + (i * i % 7) as u8).collect());
+        for (counts, max) in [(SampleCounts::Uniform(1024), 1), (SampleCounts::Uniform(3), 1 << 20), (each, 100)] {
+            let mut tiles = Tiles::new(crop, &counts);
+            for _ in 0..3 {
+                let Some((tile, _)) = tiles.next(max) else { break };
+                assert_eq!(listed_by_device(&device, &kernel, tile), tile.samples(), "{max}");
+            }
+        }
+    }
 
     #[test]
     fn every_pixel_of_a_crop_has_its_samples_in_one_tile() {
