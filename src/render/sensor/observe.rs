@@ -124,7 +124,7 @@ impl SensorTracer {
         // Emitter hits of the traced paths.
         let traced = b.living[seen.parity()].with(seen.traced as usize, <[u32]>::to_vec)?;
         let emitted = |emitted: &[[f32; 4]]| {
-            in_parts(&traced, |path| match emitted.get(path as usize) {
+            in_parts(&traced, MIN_PART, |path| match emitted.get(path as usize) {
                 Some(&value) if has_light(value) => found(path, value, None),
                 Some(_) => Ok(None),
                 None => Err(no_path()),
@@ -140,13 +140,15 @@ impl SensorTracer {
         let candidates = self.read_counters(tile.len() as u32, &mut Stats::default())?[CANDIDATES as usize];
         let slot_list = b.slot_list.with(candidates as usize, <[u32]>::to_vec)?;
         let shade_list = b.shade_list.with(shade_points, <[u32]>::to_vec)?;
+        // Where slots and shade points ascend, the paths of the connections ascend.
+        in_order(&shade_list)?;
         let vertices_of = |candidates: &[Candidate]| candidates.iter().map(|candidate| candidate.vertex).collect();
         let vertices: Vec<u32> = match plan.observe.has_vertices() {
             true => b.candidates.with(entries, vertices_of)?,
             false => vec![],
         };
         let connections = |contributions: &[[f32; 4]]| {
-            in_parts(&slot_list, |slot| {
+            in_parts(&slot_list, MIN_PART, |slot| {
                 let value = *contributions.get(slot as usize).ok_or_else(no_path)?;
                 match has_light(value) && value[3] > NOT_TRACED {
                     true => found(shade_list[(slot / slots) as usize], value, vertices.get(slot as usize).copied()),
@@ -154,7 +156,6 @@ impl SensorTracer {
                 }
             })
         };
-        in_order(&shade_list)?;
         b.contributions.with(entries, connections)??.into_iter().for_each(take);
         Ok(())
     }
@@ -171,18 +172,22 @@ const MIN_PART: usize = 1 << 15;
 fn in_order(list: &[u32]) -> Result<()> {
     match list.is_sorted() {
         true => Ok(()),
-        false => Err(computes_wrongly("it listed paths out of order")),
+        false => Err(computes_wrongly("it listed entries out of order")),
     }
 }
 
-/// Calls `read` with the entries of `list`, in several threads. Returns the values that it found, in the order of the list, in one
-/// part per thread.
-fn in_parts<T: Send>(list: &[u32], read: impl Fn(u32) -> Result<Option<T>> + Sync) -> Result<Vec<Vec<T>>> {
+/// Calls `read` with the entries of `list`, in several threads that get at least `min_part` entries each. Returns the values that it
+/// found, in the order of the list, in one part per thread. Fails if the entries of a part do not ascend.
+fn in_parts<T: Send>(
+    list: &[u32],
+    min_part: usize,
+    read: impl Fn(u32) -> Result<Option<T>> + Sync,
+) -> Result<Vec<Vec<T>>> {
     let read_all = &|part: &[u32]| -> Result<Vec<T>> {
         in_order(part)?;
         part.iter().filter_map(|&entry| read(entry).transpose()).collect()
     };
-    let threads = rayon::current_num_threads().min(list.len() / MIN_PART).max(1);
+    let threads = rayon::current_num_threads().min(list.len() / min_part).max(1);
     let mut parts = list.chunks(list.len().div_ceil(threads).max(1));
     let first = parts.next().unwrap_or_default();
     // The caller holds the lock of the device. A thread of rayon that waits may take up a task that needs this lock, so these
@@ -211,5 +216,36 @@ impl Seen {
     /// Number of shade points, and of their candidate slots.
     fn lengths(&self, slots: u32) -> (usize, usize) {
         (self.shade_points as usize, self.shade_points as usize * slots as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_find_what_one_thread_finds() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        let found = |list: &[u32], wrong: &[u32]| {
+            let read = |entry: u32| match wrong.contains(&entry) {
+                true => Err(computes_wrongly(&format!("entry {entry}"))),
+                false => Ok((entry % 4 != 1).then_some(10 * entry)),
+            };
+            pool.install(|| in_parts(list, 1, read)).map_err(|e| e.to_string())
+        };
+        for (length, threads) in [(0, 1), (1, 1), (2, 2), (3, 3), (10, 3)] {
+            let list: Vec<u32> = (0..length).map(|i| 3 * i).collect();
+            let wanted: Vec<u32> = list.iter().filter(|&entry| entry % 4 != 1).map(|entry| 10 * entry).collect();
+            let parts = found(&list, &[]).unwrap();
+            assert_eq!((parts.len(), parts.concat()), (threads, wanted), "{list:?}");
+        }
+        // The parts are 0..4, 4..8 and 8..10. The first wrong entry of the list gives the error.
+        let list: Vec<u32> = (0..10).collect();
+        for (wrong, first) in [(&[9][..], "entry 9"), (&[8, 5, 7], "entry 5"), (&[4, 2], "entry 2")] {
+            let error = found(&list, wrong).unwrap_err();
+            assert!(error.contains(first), "{error}");
+        }
+        let error = found(&[0, 1, 2, 3, 5, 4, 6, 7], &[]).unwrap_err();
+        assert!(error.contains("entries out of order"), "{error}");
     }
 }
