@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::plan::Plan;
 use crate::image::response_film::{FilmRow, ResponseFilm, rows};
 use pixel_sums::PixelSums;
-use replaced::{Notes, Replaced};
+use replaced::{MAX_REPLACED, Notes, Replaced};
 use weights::Weights;
 
 /// Light that reaches the sensor.
@@ -45,7 +45,7 @@ impl ResponseSums {
     }
 
     fn with(film: ResponseFilm, weights: Weights) -> ResponseSums {
-        let replaced = Replaced::default();
+        let replaced = Replaced::new(MAX_REPLACED);
         ResponseSums { film, weights, total: vec![], splats: vec![], samples: 0, has_part: false, replaced }
     }
 
@@ -81,7 +81,7 @@ impl ResponseSums {
     pub fn add(&mut self, pixels: &[u32], arrivals: &[Vec<Arrival>]) {
         self.has_part = true;
         let ResponseSums { film, weights, total, splats, samples, replaced, .. } = self;
-        let notes = replaced.spare(pixels.len().div_ceil(BLOCK));
+        let notes = replaced.take_spare(pixels.len().div_ceil(BLOCK));
         let light = Light { weights, splats, arrivals, samples: *samples, replaced };
         let mut places = places(film, total, pixels);
         let blocks = places.par_chunks_mut(BLOCK).zip(notes).enumerate();
@@ -165,7 +165,7 @@ impl Light<'_> {
             });
             place.total.copy_from_slice(&total.map(|x| x as f32));
         }
-        self.replaced.count(notes)
+        self.replaced.admit(notes)
     }
 
     fn splats_of(&self, pixel: u32) -> &[Arrival] {
@@ -236,9 +236,7 @@ mod tests {
             assert!(count > 1000, "{count} sums");
 
             for (pixels_per_tile, length_of_part) in [(200, usize::MAX), (64, 100), (7, 1)] {
-                let mut sums = new();
-                let black = light_of(&mut sums);
-                for is_complete in [false, true] {
+                let add_all = |sums: &mut ResponseSums| {
                     sums.begin(splats().collect(), 3);
                     for (tile, begin) in order.chunks(pixels_per_tile).zip((0..).step_by(pixels_per_tile)) {
                         let all = arrivals(begin, tile);
@@ -246,12 +244,26 @@ mod tests {
                             all.iter().flat_map(|run| run.chunks(length_of_part).map(<[Arrival]>::to_vec)).collect();
                         sums.add(tile, &parts);
                     }
-                    assert!(light_of(&mut sums) == wanted, "{edge:?}, {pixels_per_tile} pixels per tile");
+                    assert!(light_of(sums) == wanted, "{edge:?}, {pixels_per_tile} pixels per tile");
                     let total: f64 = per_pixel.range((9, 0)..(10, 0)).map(|(_, rgb)| rgb[1]).sum();
                     assert_eq!(sums.total()[3 * 9 + 1], total as f32);
-                    if !is_complete {
-                        assert!(sums.restore() && light_of(&mut sums) == black);
+                };
+                // As many changes as an incomplete iteration can undo; then one more, and more already after the first block.
+                let changes = per_pixel.len();
+                for (limit, can_restore) in [(changes, true), (changes - 1, false), (1, false)] {
+                    let mut sums = new();
+                    sums.replaced = Replaced::new(limit);
+                    let black = light_of(&mut sums);
+                    add_all(&mut sums);
+                    assert_eq!(sums.restore(), can_restore, "{limit} of {changes} changes");
+                    if can_restore {
+                        assert!(light_of(&mut sums) == black);
+                        add_all(&mut sums);
                     }
+                    assert!(light_of(&mut sums) == wanted);
+                    // A complete iteration is not undone.
+                    sums.end();
+                    assert!(sums.restore() && light_of(&mut sums) == wanted);
                 }
             }
         }
