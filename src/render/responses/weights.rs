@@ -59,7 +59,7 @@ impl Weights {
     }
 }
 
-/// Counts the boxes that begin before a travel time. It divides the times into cells of equal width. A binary search in the cell of
+/// Counts the boxes that begin at or before a travel time. It divides the times into cells of equal width. A binary search in the cell of
 /// the travel time visits few boxes, or one if all boxes are equally wide.
 struct Begins {
     first: f32,
@@ -86,7 +86,7 @@ impl Begins {
         (((tau - self.first) * self.cells_per_unit) as usize).min(self.earlier.len() - 2)
     }
 
-    /// Number of `boxes` that begin at `tau` or earlier.
+    /// Number of `boxes` that begin at or before `tau`.
     fn count_until(&self, boxes: &[[f32; 2]], tau: f32) -> usize {
         let cell = self.cell(tau);
         let [begin, end] = [self.earlier[cell] as usize, self.earlier[cell + 1] as usize];
