@@ -117,14 +117,16 @@ struct Place<'a> {
 
 /// The places of `pixels`, in the same order.
 fn places<'a>(film: &'a mut ResponseFilm, total: &'a mut [f32], pixels: &[u32]) -> Vec<Place<'a>> {
-    let mut order: Vec<(u32, u32)> = pixels.iter().copied().zip(0..).collect();
-    order.par_sort_unstable();
-    let ascending = order.iter().map(|&(pixel, _)| pixel);
+    let mut order: Vec<u32> = (0..pixels.len() as u32).collect();
+    order.par_sort_unstable_by_key(|&index| pixels[index as usize]);
+    let ascending = order.iter().map(|&index| pixels[index as usize]);
     let rows = film.rows_mut(ascending.clone()).zip(rows(total, 3, ascending.clone()));
-    let places = ascending.zip(rows).map(|(pixel, (row, total))| Place { pixel, row, total });
-    let mut places: Vec<(u32, Place)> = order.iter().map(|&(_, index)| index).zip(places).collect();
-    places.par_sort_unstable_by_key(|&(index, _)| index);
-    places.into_iter().map(|(_, place)| place).collect()
+    let mut places: Vec<Option<Place>> = pixels.iter().map(|_| None).collect();
+    for ((&index, pixel), (row, total)) in order.iter().zip(ascending).zip(rows) {
+        places[index as usize] = Some(Place { pixel, row, total });
+    }
+    // Collects into the memory of the options.
+    places.into_iter().map(|place| place.expect("each index is in the order once")).collect()
 }
 
 /// Light that is to be added to the images.
