@@ -176,8 +176,8 @@ fn in_order(list: &[u32]) -> Result<()> {
     }
 }
 
-/// Calls `read` with the entries of `list`, in several threads that get at least `min_part` entries each. Returns the values that it
-/// found, in the order of the list, in one part per thread. Fails if the entries of a part do not ascend.
+/// Calls `read` with the entries of `list`, in several threads if the list has at least `min_part` entries for each of them. Returns
+/// the values that it found, in the order of the list, in one part per thread. Fails if the entries of a part do not ascend.
 fn in_parts<T: Send>(
     list: &[u32],
     min_part: usize,
