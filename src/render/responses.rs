@@ -12,16 +12,19 @@ use pixel_sums::PixelSums;
 use replaced::{MAX_REPLACED, Notes, Replaced};
 use weights::Weights;
 
-/// Light that reaches the sensor.
+/// Light that reaches the sensor. `Pixel` says how pixels are numbered: u32 is the row-major index in the crop.
 #[derive(Debug, Clone, Copy)]
-pub struct Arrival {
-    /// Row-major index in the crop. Light of sensor subpaths: index among the pixels of their tile.
-    pub pixel: u32,
+pub struct Arrival<Pixel = u32> {
+    pub pixel: Pixel,
     /// Travel time in units of the render space.
     pub tau: f32,
     /// Contribution to the mean of the pixel in the present iteration.
     pub rgb: [f32; 3],
 }
+
+/// Index of a pixel among the pixels of its tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct IndexInTile(pub u32);
 
 /// The images of several responses, and the arrivals of the present iteration that are not in them yet.
 pub struct ResponseSums {
@@ -78,7 +81,7 @@ impl ResponseSums {
     /// Adds all light of the `pixels` of a tile, none of which has been added in this iteration: their splats, and `arrivals` from
     /// sensor subpaths. In each part of `arrivals`, the pixels ascend. The order of the arrivals of a pixel decides the last bits of
     /// its sums.
-    pub fn add(&mut self, pixels: &[u32], arrivals: &[Vec<Arrival>]) {
+    pub fn add(&mut self, pixels: &[u32], arrivals: &[Vec<Arrival<IndexInTile>>]) {
         self.has_part = true;
         let ResponseSums { film, weights, total, splats, samples, replaced, .. } = self;
         let notes = replaced.take_spare(pixels.len().div_ceil(BLOCK));
@@ -133,7 +136,7 @@ fn places<'a>(film: &'a mut ResponseFilm, total: &'a mut [f32], pixels: &[u32]) 
 struct Light<'a> {
     weights: &'a Weights,
     splats: &'a [Arrival],
-    arrivals: &'a [Vec<Arrival>],
+    arrivals: &'a [Vec<Arrival<IndexInTile>>],
     samples: u32,
     replaced: &'a Replaced,
 }
@@ -143,12 +146,12 @@ impl Light<'_> {
     /// memory of `notes`.
     fn add_to(&self, first: usize, places: &mut [Place], sums: &mut PixelSums, mut notes: Notes) -> Notes {
         let has_notes = !self.replaced.is_too_much();
-        let begin_of =
-            |part: &[Arrival], pixel: usize| part.partition_point(|arrival| (arrival.pixel as usize) < pixel);
-        let of_block = |part: &'_ Vec<Arrival>| begin_of(part, first)..begin_of(part, first + places.len());
-        let parts = self.arrivals.iter().map(|part| &part[of_block(part)]);
-        let mut parts: Vec<&[Arrival]> = parts.filter(|part| !part.is_empty()).collect();
-        for (place, index) in places.iter_mut().zip(first as u32..) {
+        let begin_of = |part: &[Arrival<IndexInTile>], index: usize| {
+            part.partition_point(|arrival| arrival.pixel < IndexInTile(index as u32))
+        };
+        let parts = self.arrivals.iter().map(|part| &part[begin_of(part, first)..begin_of(part, first + places.len())]);
+        let mut parts: Vec<&[Arrival<IndexInTile>]> = parts.filter(|part| !part.is_empty()).collect();
+        for (place, index) in places.iter_mut().zip((first as u32..).map(IndexInTile)) {
             sums.clear();
             self.splats_of(place.pixel).iter().for_each(|splat| sums.add(self.weights, splat));
             for part in &mut parts {
@@ -193,13 +196,13 @@ mod tests {
     const PIXELS: u32 = 200;
 
     /// The arrivals of two bounces in the pixels of a tile, and of splats. `begin` is the first pixel of the tile.
-    fn arrivals(begin: u32, pixels: &[u32]) -> Vec<Vec<Arrival>> {
+    fn arrivals(begin: u32, pixels: &[u32]) -> Vec<Vec<Arrival<IndexInTile>>> {
         let of_bounce = |bounce: u32| {
             let numbers = (begin..).zip(0..pixels.len() as u32).filter(|(number, _)| number % 5 != bounce);
-            let of_pixel = |(number, pixel): (u32, u32)| {
+            let of_pixel = |(number, index): (u32, u32)| {
                 (0..number % 40).map(move |i| {
                     let x = (0.618_034 * f64::from(1 + number * 977 + i * 31 + bounce)).fract() as f32;
-                    Arrival { pixel, tau: 3.9 + 9.0 * x, rgb: [x, 1.0 / (x + 1e-3), 1e6 * x * x] }
+                    Arrival { pixel: IndexInTile(index), tau: 3.9 + 9.0 * x, rgb: [x, 1.0 / (x + 1e-3), 1e6 * x * x] }
                 })
             };
             numbers.flat_map(of_pixel).collect()
@@ -223,7 +226,8 @@ mod tests {
             // One pixel and one arrival at a time.
             let mut wanted = new();
             let (all, weights) = (arrivals(0, &order), weights());
-            let in_crop = all.iter().flatten().map(|a| Arrival { pixel: order[a.pixel as usize], ..*a });
+            let in_crop =
+                all.iter().flatten().map(|a| Arrival { pixel: order[a.pixel.0 as usize], tau: a.tau, rgb: a.rgb });
             let mut per_pixel = BTreeMap::<(u32, u32), [f64; 3]>::new();
             for arrival in splats().chain(in_crop) {
                 weights.visit(arrival.tau, |response, weight| {
@@ -242,8 +246,8 @@ mod tests {
                     sums.begin(splats().collect(), 3);
                     for (tile, begin) in order.chunks(pixels_per_tile).zip((0..).step_by(pixels_per_tile)) {
                         let all = arrivals(begin, tile);
-                        let parts: Vec<Vec<Arrival>> =
-                            all.iter().flat_map(|run| run.chunks(length_of_part).map(<[Arrival]>::to_vec)).collect();
+                        let parts: Vec<Vec<_>> =
+                            all.iter().flat_map(|run| run.chunks(length_of_part).map(<[_]>::to_vec)).collect();
                         sums.add(tile, &parts);
                     }
                     assert!(light_of(sums) == wanted, "{edge:?}, {pixels_per_tile} pixels per tile");

@@ -21,7 +21,7 @@ impl PixelSums {
     }
 
     /// Adds an arrival to all responses that see it. The order of the arrivals decides the last bits of the sums.
-    pub fn add(&mut self, weights: &Weights, arrival: &Arrival) {
+    pub fn add<Pixel>(&mut self, weights: &Weights, arrival: &Arrival<Pixel>) {
         weights.visit(arrival.tau, |response, weight| {
             let term = arrival.rgb.map(|x| f64::from(x) * weight);
             let (sum, seen) = (&mut self.sums[response as usize], &mut self.seen[response as usize / 64]);

@@ -1,6 +1,7 @@
 //! Renders one tile of sensor subpaths, from its samples to the film.
 
 use super::*;
+use crate::render::responses::IndexInTile;
 use crate::render::stats::computes_wrongly;
 
 /// Maximum number of bounces per submit if the host does not wait for each bounce. Few paths live longer.
@@ -13,7 +14,7 @@ impl SensorTracer {
         bindings: &SensorBindings,
         tile: &Tile,
         is_last: bool,
-        arrivals: Option<&mut Vec<Vec<Arrival>>>,
+        arrivals: Option<&mut Vec<Vec<Arrival<IndexInTile>>>>,
         stats: &mut Stats,
     ) -> Result<()> {
         let constants = stats.timed(stage::RECORD, || self.start_tile(bindings, tile))?;
@@ -25,7 +26,7 @@ impl SensorTracer {
                     let rgb = seen.rgb.map(|x| x * share);
                     // The kernels count values that are not finite as dropped, so the host leaves them out.
                     let has_light = rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3];
-                    let pixel = indices[seen.path as usize];
+                    let pixel = IndexInTile(indices[seen.path as usize]);
                     has_light.then_some(Arrival { pixel, tau: seen.tau_or_weight, rgb })
                 };
                 let take = &mut |part| arrivals.push(part);
