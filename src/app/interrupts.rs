@@ -117,8 +117,8 @@ pub fn outlive_size_limits() -> std::io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
 
-/// Ends the process if `enough`. On Unix it runs no exit handlers of libraries: the handler of a driver may free what another thread
-/// uses at the time, and the process would crash. Text that waits in the buffer of stdout is lost.
+/// Ends the process if `enough`. On Unix, no exit handlers of libraries run. The handler of a driver may free what another thread uses
+/// at the time, and the process would crash. Text that waits in the buffer of stdout is lost.
 fn exit_if(enough: bool) {
     if !enough {
         return;

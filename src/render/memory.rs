@@ -17,8 +17,8 @@ use crate::wgsl::layout::PathVertex;
 const VERTICES_PER_PATH: u32 = 4;
 /// Maximum number of host bytes per triangle while the BVH is built: corners, boxes, two node formats, order.
 const BUILD_BYTES: u64 = 320;
-/// Host bytes per pixel: the double-double sums of the film, the image of an iteration, a copy of its film on the device, and the
-/// number of samples in sample order.
+/// Host bytes per pixel: 96 for the double-double sums of the film, 4 for its cells, 12 for the image of an iteration, 16 for a copy
+/// of the device's film, 8 for the list of pixels in sample order.
 const PIXEL_BYTES: u64 = 136;
 /// Host bytes per light vertex: the vertex in the pool, the index of its path, and its place.
 const VERTEX_BYTES: u64 = size_of::<PathVertex>() as u64 + 8;

@@ -8,8 +8,8 @@ use crate::settings::Crop;
 /// Side of a block in pixels. Samples run block by block, so that the paths of a tile stay near each other.
 const BLOCK: u32 = 8;
 
-/// A pixel of a tile, in the layout of `list_samples.wgsl`: its place in the whole film (see [`film_pixel`]), and the number of the
-/// tile's samples before those of the pixel.
+/// A pixel of a tile, in the layout of `list_samples.wgsl`. Word 0: its place in the whole film (see [`film_pixel`]). Word 1: the index
+/// of its first sample in the tile.
 pub type TilePixel = [u32; 2];
 
 /// A sample of a tile, in the layout of `samples.wgsl`. Word 0: its pixel in the whole film (see [`film_pixel`]). Word 1: its
