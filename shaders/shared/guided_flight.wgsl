@@ -3,9 +3,14 @@
 
 // Whether sensor subpaths use `guided_flight` instead of `free_flight` when the gate has an end.
 override GUIDES_FLIGHTS: bool = false;
-// Share of the events on the first segment that are drawn uniformly in the gate. On later segments, all events are drawn in
-// proportion to scattering, because the factors of many events would multiply to a few bright paths.
-const GUIDED_SHARE: f32 = 0.5;
+// Share of the events on the first segment that are drawn uniformly in the gate. It is small, because light that scatters only once is
+// drawn in the gate anyway (fog.wgsl). On later segments, all events are drawn in proportion to scattering, because the factors of
+// many events would multiply to a few bright paths.
+const GUIDED_SHARE: f32 = 0.1;
+
+// Brightness of the events on the first segment relative to that of the surface behind them, for `guided_end_probability`. In a thin
+// gate, most surfaces get little light at the right time, and events see those that get much (docs/notebook/fog-sampling.md).
+const EVENT_BRIGHTNESS: f32 = 4.0;
 
 // A distance that stands for infinity. Its products do not overflow.
 const MAX_LENGTH: f32 = 1e15;
@@ -29,22 +34,33 @@ fn guiding_interval(o: vec3<f32>, d: vec3<f32>, elapsed: f32, eta: f32) -> vec2<
         select(-1.0, distance_at(hi, straight, along), hi > straight));
 }
 
-// As `free_flight`, with two differences. No event lies where its light would be too late for the gate. A share of the events lies
-// where light that comes straight from an emitter is inside the gate. `elapsed`: travel time from o to the sensor.
+// Probability with which a guided flight reaches the end of a segment. `unscattered` and `scattered`: shares of the light, with sum 1. On
+// the first segment, in thin fog, it is in proportion to the light that surface and events contribute. In thicker fog, the surface gets
+// half of the samples, or the square root of the transmittance if this is less.
+fn guided_end_probability(unscattered: f32, scattered: f32) -> f32 {
+    if (dispatch.bounce > 0u) {
+        return unscattered;
+    }
+    return max(unscattered / (unscattered + EVENT_BRIGHTNESS * scattered), min(sqrt(unscattered), 0.5));
+}
+
+// As `free_flight`, with three differences. The end of the first segment has another probability. No event lies where its light would
+// be too late for the gate. A share of the events lies where light that comes straight from an emitter is inside the gate.
+// `elapsed`: travel time from o to the sensor.
 fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32, throughput: vec3<f32>, u: vec3<f32>) -> Flight {
     let interval = guiding_interval(o, d, elapsed, eta);
     let last = clamp(interval.y, 0.0, limit);
     let whole = optical_depths(o, d, last);
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
     let scattered = dot(shares, one_minus_exp(whole.scattering));
-    let transmitted = dot(shares, exp(-whole.scattering));
+    let unscattered = dot(shares, exp(-whole.scattering));
     // If light from the end of the ray is too late, every flight ends in an event.
-    let reaches = select(0.0, end_probability_of(transmitted), last >= limit);
+    let reaches = select(0.0, guided_end_probability(unscattered, scattered), last >= limit);
     let end_probability = select(reaches, 1.0, scattered <= 0.0);
     let choice = event_choice(u, end_probability);
     if (choice < 0.0) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
-        return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
+        return Flight(false, limit, NONE, weight * (unscattered / end_probability), whole.scattering);
     }
 
     // The position of the event: uniform in the gate, or in proportion to scattering.

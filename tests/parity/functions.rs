@@ -101,6 +101,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("guiding_interval", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
     ("flight_to_event", Caller("free_flight")),
     ("end_probability_of", Caller("free_flight")),
+    ("guided_end_probability", Caller("guided_flight")),
     ("event_choice", Caller("free_flight")),
     ("mean_extinction", Caller("density_gain")),
     ("scattered_share", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),

@@ -207,7 +207,9 @@ fn guided_flights_end_inside_the_gate() {
     let first = reach(5.0 - 0.5);
     let share = found.iter().filter(|f| f64::from(f.distance) > first).count() as f64 / found.len() as f64;
     let unguided = 1.0 - march(DVec3::new(-3.0, 0.1, 0.2), DVec3::X, first, 200_000)[1].x / scattered.x;
-    assert!(share > 0.5 && unguided < 0.5, "{share}, {unguided}");
+    // A tenth of the events is drawn where light that scatters once is in the gate. `unguided` is the share of one channel.
+    let expected = 0.1 + 0.9 * unguided;
+    assert!((share - expected).abs() < 0.03 && unguided < 0.5, "{share}, {expected}");
 }
 
 /// Random numbers have steps of 2^-24. Outcomes that only a few steps choose have their probability nevertheless: an event in the
@@ -215,11 +217,12 @@ fn guided_flights_end_inside_the_gate() {
 #[test]
 fn rare_outcomes_have_their_probability() {
     const STEP: f64 = 1.0 / (1 << 24) as f64;
-    // All outcomes that this test counts are among the first or the last eight steps, so only these are drawn.
-    let step = |u: f64| (8.0 * u).floor() * STEP;
+    // All outcomes that this test counts are among the first or the last steps, so only these are drawn.
+    const STEPS: f64 = 32.0;
+    let step = |u: f64| (STEPS * u).floor() * STEP;
     let mean = |found: &[Flight], counts: &dyn Fn(&Flight) -> bool| {
         let weights = found.iter().filter(|f| counts(f)).map(|f| f64::from(f.weight[0]));
-        8.0 * STEP * weights.sum::<f64>() / found.len() as f64
+        STEPS * STEP * weights.sum::<f64>() / found.len() as f64
     };
     let fog = |sigma_s: f32| [Medium { sigma_s: [sigma_s; 3], sigma_a: [0.0; 3], ..media()[0] }];
 
