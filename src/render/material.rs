@@ -262,3 +262,6 @@ fn is_partial(m: &scene::Material, mesh: &scene::Mesh) -> bool {
     let varies = m.alpha_mode != AlphaMode::Opaque && (m.base_color_texture.is_some() || translucent());
     varies || m.base_color[3] < opaque
 }
+
+#[cfg(test)]
+mod tests;

@@ -129,7 +129,7 @@ fn convert(medium: &scene::Medium, space: &RenderSpace, phase_tables: &mut Vec<p
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{DensityGrid, GridFilter, Material};
+    use crate::scene::{DensityGrid, GridFilter, Material, PhaseFunction};
     use glam::DAffine3;
 
     /// A grid of 512 x 512 x 512 voxels has 2^27 cells, and its blocks come on top of them. No density is read before the refusal.
@@ -143,6 +143,27 @@ mod tests {
         };
         let message = refused([512; 3]).expect("an error").to_string();
         assert!(message.contains("need 134479872 texels on the device, more than 134217728"), "{message}");
+    }
+
+    /// Kernels contain the phase functions that the media have.
+    #[test]
+    fn each_phase_function_switches_on_its_constant() {
+        let of = |phase: PhaseFunction| {
+            let fog = scene::Medium { sigma_s: [0.1; 3], phase, ..scene::Medium::default() };
+            let scene = Scene { media: vec![fog], ..Scene::default() };
+            let constants = Media::new(&scene, &RenderSpace::metres(DVec3::ZERO)).unwrap().constants(false);
+            let phases = ["HAS_TWO_LOBES", "HAS_RAYLEIGH", "HAS_DRAINE", "HAS_PHASE_TABLES"];
+            let on = |name: &str| constants.iter().any(|(constant, value)| *constant == name && *value == 1.0);
+            assert!(on("HAS_MEDIA") && on("HAS_SCATTERING") && !on("HAS_GRIDS") && !on("HAS_INTERIORS"));
+            phases.into_iter().filter(|name| on(name)).collect::<Vec<_>>()
+        };
+        assert!(of(PhaseFunction::HenyeyGreenstein { g: 0.5 }).is_empty());
+        assert_eq!(of(PhaseFunction::DoubleHenyeyGreenstein { g: [0.5, -0.2], weight: 0.8 }), ["HAS_TWO_LOBES"]);
+        assert_eq!(of(PhaseFunction::Rayleigh), ["HAS_RAYLEIGH"]);
+        let droplets = PhaseFunction::HenyeyGreensteinDraine { g: 0.5, g_draine: 0.9, alpha: 8.0, weight_draine: 0.4 };
+        assert_eq!(of(droplets), ["HAS_DRAINE"]);
+        let table = PhaseFunction::Table { cosines: vec![-1.0, 1.0], values: vec![1.0, 2.0] };
+        assert_eq!(of(table), ["HAS_PHASE_TABLES"]);
     }
 
     #[test]
