@@ -4,6 +4,8 @@
 //!
 //! * `sh`: run the commands; they must succeed.
 //! * `sh fails`: run the commands; they must fail, and their message must contain the text of the next block.
+//! * `sh slow`: as `sh` in long runs (`TAUGATE_LONG_TESTS`). Otherwise `taugate render` gets `--print-config`: it reads its flags and
+//!   files, and renders nothing. For commands whose kernels take long to compile.
 //! * `sh no-run`: nothing. For commands that take minutes, install something or need cargo. The tests check their number.
 //! * `toml NAME` and `csv NAME`: write the block to the file NAME, which later commands read.
 //! * `text`, `json`: nothing.
@@ -81,8 +83,10 @@ fn run(document: &str) -> usize {
     while let Some(Block { info, line, text }) = blocks.next() {
         let place = format!("{document}:{line}");
         match info.split(' ').collect::<Vec<_>>()[..] {
-            ["sh"] => {
-                let output = shell(here.path(), &text);
+            ["sh"] | ["sh", "slow"] => {
+                let is_short = info == "sh slow" && std::env::var_os("TAUGATE_LONG_TESTS").is_none();
+                let read_only = |text: &str| text.replace("taugate render ", "taugate render --print-config ");
+                let output = shell(here.path(), &if is_short { read_only(&text) } else { text.clone() });
                 assert!(output.status.success(), "{place}: {text}{}", String::from_utf8_lossy(&output.stderr));
             }
             ["sh", "fails"] => {

@@ -168,7 +168,10 @@ fn cornell_truth() -> &'static Film {
 #[test]
 fn cornell_box_agrees_with_the_oracle() {
     let scene = build(Kind::CornellBox);
-    assert_none(against("cornell", &estimators(&scene), &scene, &CORNELL_GATES, cornell_truth()));
+    // The door ajar and the sphere test `lcs-paper`.
+    let is_tested = |&estimator: &Estimator| is_long() || estimator != Estimator::LcsPaper;
+    let tested: Vec<Estimator> = estimators(&scene).into_iter().filter(is_tested).collect();
+    assert_none(against("cornell", &tested, &scene, &CORNELL_GATES, cornell_truth()));
 }
 
 /// Negative control: two channels of the oracle's image are swapped.

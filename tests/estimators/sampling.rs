@@ -48,7 +48,8 @@ fn adaptive_samples_agree_with_the_closed_form() {
 #[test]
 fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     let scene = build(Kind::CornellBox);
-    let mut renderer = renderer(&scene, &spread(Estimator::Lcs, Sampling::Adaptive));
+    let settings = spread(Estimator::Lcs, Sampling::Adaptive).change().resolution([12, 12]).build().unwrap();
+    let mut renderer = renderer(&scene, &settings);
     const SEEDS: u32 = 32;
     let (mut means, mut stated) = (vec![], 0.0);
     for seed in 0..SEEDS {

@@ -1,5 +1,6 @@
 //! The estimators agree in the benchmark scenes too. These scenes are not in the repository: the tests read them from
 //! `../shared/scenes`, or from the folder that `TAUGATE_SHARED_SCENES` names, and skip scenes that are missing.
+//! `cargo test --release --test estimators -- --ignored shared_scenes`
 
 use std::path::PathBuf;
 
@@ -43,11 +44,13 @@ fn estimators_agree(name: &str, emitters: Emitters, gate: Gate, resolution: [u32
 }
 
 #[test]
+#[ignore = "needs the benchmark scenes"]
 fn staircase_with_its_area_light() {
     estimators_agree("staircase", Emitters::Scene, Gate { lo: 12.7, hi: 13.1 }, [32, 48]);
 }
 
 #[test]
+#[ignore = "needs the benchmark scenes"]
 fn veach_ajar_with_the_beam() {
     let beam = Emitters::Nodes(vec!["beam".into()]);
     estimators_agree("veach-ajar", beam, Gate { lo: 14.2, hi: 14.6 }, [48, 32]);

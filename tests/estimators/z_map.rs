@@ -49,9 +49,9 @@ fn alarms(pairs: u32, estimators: &[Estimator], samples: u32) -> [usize; 3] {
 
 #[test]
 fn renders_of_the_same_agree() {
-    let [significant, at_five_percent, pairs] = alarms(8, &[Estimator::Bdpt, Estimator::LcsPaper], 2);
-    // Binomial distribution of 16 pairs: more than one alarm at 1e-3, or more than five at 5 %, have a probability below 1e-3.
-    assert!(significant <= 1 && at_five_percent <= 5 && pairs == 16, "{significant} and {at_five_percent} alarms");
+    let [significant, at_five_percent, pairs] = alarms(5, &[Estimator::Bdpt, Estimator::LcsPaper], 2);
+    // Binomial distribution of 10 pairs: more than one alarm at 1e-3, or more than four at 5 %, have a probability below 1e-4.
+    assert!(significant <= 1 && at_five_percent <= 4 && pairs == 10, "{significant} and {at_five_percent} alarms");
 }
 
 /// The long version: the rate of false alarms over 120 pairs.
