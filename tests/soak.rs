@@ -1,6 +1,6 @@
-//! An hour of renders in one process: memory and open files must stay flat. Linux only. The environment variable TAUGATE_SOAK is the
-//! time in seconds, after a first round that compiles the kernels. The first quarter of the time is a warm-up, so a minute is judged
-//! by the same rule as an hour.
+//! An hour of renders in one process: memory and open files must stay flat. Linux only. The environment variable TAUGATE_SOAK sets the
+//! time in seconds, 3600 by default. The time begins after a first round that compiles the kernels. Rounds in the first quarter are a
+//! warm-up and are not judged.
 
 #![cfg(target_os = "linux")]
 
@@ -17,7 +17,8 @@ use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Budget, Estimator, Sampling, Settings};
 use taugate::{Device, load_scene};
 
-/// Largest growth of the resident memory after the warm-up.
+/// Maximum growth of the resident memory after the warm-up, as a fraction: median of the last quarter of the rounds over that of the
+/// first.
 const GROWTH: f64 = 0.01;
 
 /// Resident memory of this process in kB.
@@ -31,7 +32,8 @@ fn open_files() -> usize {
     std::fs::read_dir("/proc/self/fd").unwrap().count()
 }
 
-/// Reads, renders, restarts with other gates, and writes each scene once with each estimator. The seed changes only the images.
+/// Writes and loads each scene once. For each estimator: renders three gates one after the other, writes the image, and renders 16 gates
+/// at once. The work is the same for every seed.
 fn round(device: &Device, scenes: &[Scene], folder: &Path, seed: u32) {
     let gates = Gates::new(Gate { lo: 5.0, hi: 9.0 }, 16).unwrap();
     for scene in scenes {
@@ -79,7 +81,7 @@ fn memory_and_open_files_stay_flat() {
         }
     }
     samples.retain(|(time, ..)| *time > 0.25 * seconds);
-    assert!(samples.len() >= 4, "only {} rounds after the warm-up: take more time", samples.len());
+    assert!(samples.len() >= 4, "only {} rounds after the warm-up: raise TAUGATE_SOAK", samples.len());
     let quarter = samples.len() / 4;
     let median = |part: &[(f64, f64, usize)]| {
         let mut memory: Vec<f64> = part.iter().map(|sample| sample.1).collect();

@@ -6,7 +6,7 @@
 #import weights
 #import segment
 
-// Key of the random numbers of the connection in `slot` of the candidates.
+// Key of the random numbers of the connection in `slot` of the candidates. Bit 27 separates it from the keys of queries.
 fn ellipsoid_key(sensor: SensorSample, bounce: u32, slot: u32) -> vec4<u32> {
     let dimension = (STREAM_QUERY << 28u) | (1u << 27u) | (bounce << 14u) | (slot % frame.slots);
     return vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
@@ -22,11 +22,11 @@ fn draw_on_triangle(q: PathVertex, v: PathVertex, tau: f32, choice: TriangleChoi
     return EllipsoidPoint(select(NONE, choice.triangle, arcs.length > 0.0), point_on_arcs(arcs, u), f32(choice.count) * arcs.length);
 }
 
-// The auxiliary vertex of a resampled connection.
+// The auxiliary vertex that was chosen for an ellipsoidal connection.
 struct AuxiliaryPoint {
-    // NONE if no connection was chosen.
+    // NONE if no auxiliary vertex was found.
     triangle: u32,
-    // Travel time of the path.
+    // Travel time of the path, in units of the render space.
     tau: f32,
     // Barycentric weights of corners 1 and 2.
     weights: vec2<f32>,
@@ -34,7 +34,7 @@ struct AuxiliaryPoint {
 
 // An ellipsoidal connection before the visibility test.
 struct EllipsoidalConnection {
-    // Whether the auxiliary vertex can contribute.
+    // Whether the auxiliary vertex can contribute. If not, the other fields have no meaning.
     found: bool,
     // Contribution if the density on the arcs is 1 per radian, without visibility, MIS weight, gate and weight of the candidate.
     value: vec3<f32>,
@@ -71,7 +71,7 @@ fn connect_over(q: PathVertex, v: PathVertex, triangle: u32, weights: vec2<f32>)
     let depths_q = segment_depths(q, -c.to_q, r2);
     let cosine = vertex_cosine(c.x, c.to_q);
     let stretch = inverse_stretch(c.x.geometric, c.to_v, r1, c.to_q, r2);
-    // 1 / (density per area of x).
+    // 1 / (density per area of x), if the density on the arcs is 1 per radian.
     let inverse_density = (frame.gate_hi - frame.gate_lo) / SURROUNDING_GROUP_INDEX / stretch;
     var coverage_at_x = 1.0;
     if (HAS_ALPHA) {

@@ -18,13 +18,13 @@ struct Medium {
     hi: vec3<f32>,
     // Phase functions with two lobes, one of which may be a Draine lobe: share of the second lobe, 0 to 1.
     share: f32,
-    // Coefficients of scattering and absorption per unit of length.
+    // Coefficients of scattering and absorption per unit of length of the render space.
     sigma_s: vec3<f32>,
-    // Henyey-Greenstein lobes: mean cosines of the first and the second lobe. For a lobe of Draine, g2 is its parameter g.
+    // Henyey-Greenstein lobes: mean cosines of the first and the second lobe. For a Draine lobe, g2 is its parameter g.
     g: f32,
     sigma_a: vec3<f32>,
     g2: f32,
-    // Parameter alpha of the lobe of Draine.
+    // Parameter alpha of the Draine lobe.
     alpha: f32,
     // Mean cosine of the phase function.
     mean_cosine: f32,
@@ -74,9 +74,10 @@ fn medium_density(index: u32, p: vec3<f32>) -> f32 {
     return 1.0;
 }
 
-// Whether `optical_depths` takes the mean density of each grid. This costs less, and is good enough to choose among candidates.
+// Whether `pass_medium` takes the mean density of a grid instead of following the ray through its cells. This costs
+// less, and is good enough to choose among candidates.
 var<private> uses_mean_densities: bool = false;
-// Maximum optical depth that a mean density gives to a part of a ray, because the grid may have holes.
+// Maximum optical depth of a stretch with mean densities. The grid may have holes, so no candidate behind it gets a target of 0.
 const MAX_MEAN_DEPTH: f32 = 16.0;
 
 // Passes medium `index` from t = `first` to `last`, or until the integral of the density is `needed`. A medium without a grid has
@@ -216,11 +217,11 @@ struct Flight {
     depth: vec3<f32>,
 }
 
-// Probability p with which a sensor subpath reaches the end of a segment of transmittance T. On the first segment, p = sqrt(T): both
-// outcomes then have small weights, T / p and (1 - T) / (1 - p) <= 2, and surfaces behind fog get more samples. On later segments
-// p = T, because the weights of many events would multiply to a few bright paths.
-fn end_probability_of(transmitted: f32) -> f32 {
-    return select(transmitted, sqrt(transmitted), dispatch.bounce == 0u);
+// Probability p with which a sensor subpath reaches the end of a segment. `unscattered`: its transmittance T without absorption. On the
+// first segment, p = sqrt(T): both outcomes then have small weights, T / p and (1 - T) / (1 - p) <= 2, and surfaces behind fog get more
+// samples. On later segments p = T, and the weights are 1. Other weights would multiply over many segments to a few bright paths.
+fn end_probability_of(unscattered: f32) -> f32 {
+    return select(unscattered, sqrt(unscattered), dispatch.bounce == 0u);
 }
 
 // Chooses the outcome of a flight. A value below 0: the flight reaches its end, with the given probability. Other values are uniform in
@@ -238,12 +239,12 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, is
     let whole = optical_depths(o, d, limit);
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
     let scattered = dot(shares, one_minus_exp(whole.scattering));
-    let transmitted = dot(shares, exp(-whole.scattering));
-    let end_probability = select(select(transmitted, end_probability_of(transmitted), is_sensor_subpath), 1.0, scattered <= 0.0);
+    let unscattered = dot(shares, exp(-whole.scattering));
+    let end_probability = select(select(unscattered, end_probability_of(unscattered), is_sensor_subpath), 1.0, scattered <= 0.0);
     let choice = event_choice(u, end_probability);
     if (choice < 0.0) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
-        return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
+        return Flight(false, limit, NONE, weight * (unscattered / end_probability), whole.scattering);
     }
 
     var f = flight_to_event(o, d, limit, shares, whole, vec2<f32>(choice, u.y));
@@ -251,9 +252,9 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, is
     return f;
 }
 
-// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. `weight` is divided by the
-// density of an event among all outcomes, including flights without an event. So `free_flight` multiplies it by P(event), its
-// `scattered`, over its own probability of an event. `guided_flight` computes a weight of its own.
+// Samples a flight along o + t d that ends in an event with 0 < t <= limit. `whole`: depths up to `limit`. The weight is that of a flight
+// that scatters with its natural probability P(event), which is `scattered` in `free_flight`. A caller that chooses events with
+// probability p multiplies the weight by P(event) / p. `guided_flight` replaces the weight.
 fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, whole: Depths, u: vec2<f32>) -> Flight {
     // The channel that chooses the optical depth of the event.
     let events = shares * one_minus_exp(whole.scattering);

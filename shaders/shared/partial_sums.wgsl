@@ -11,11 +11,12 @@ fn follows_connected(v: PathVertex) -> bool {
     return DRAWS_IN_GATE && (v.flags & VERTEX_FOLLOWS_CONNECTED) != 0u;
 }
 
-// Estimate of a ratio: density per length of drawing an event in the gate, over the density of a flight from the deterministic vertex.
-// Only here do MIS weights contain the density of a distance. `medium`: medium of the event. `back`: unit direction from the event to
-// the deterministic vertex. `onwards`: to the other neighbour. If the event moves along the sensor's segment by a length dl, the path
-// becomes (1 + cos(back, onwards)) dl longer. So the density in the gate is 1 + cos(back, onwards) over the width of the gate. The
-// result is at least 1, because a wide gate does not limit the flight.
+// Estimate of the density per length of an event that a sensor subpath draws in the gate, divided by its density in a flight from the
+// deterministic vertex. The index of refraction is ignored. Only here do MIS weights contain a coefficient of the medium; elsewhere it
+// cancels (`flight_density`). `medium`: medium of the event. `back`: unit direction from the event to the deterministic vertex.
+// `onwards`: to the other neighbour. If the event moves by dl along the sensor's segment, away from the sensor, the path becomes
+// (1 + cos(back, onwards)) dl longer. So the density in the gate is 1 + cos(back, onwards) over the width of the gate. The result is at
+// least 1, because a wide gate does not limit the flight.
 fn density_gain(medium: u32, back: vec3<f32>, onwards: vec3<f32>) -> f32 {
     return max((1.0 + dot(back, onwards)) / ((frame.gate_hi - frame.gate_lo) * mean_extinction(medium)), 1.0);
 }
@@ -53,7 +54,8 @@ fn mis_scatter(state: ptr<function, PathState>, v: PathVertex, s: Scatter, sampl
     (*state).d_vcm = min(mis(1.0 / density), MAX_SUM);
 }
 
-// Updates the partial sums at the next vertex: densities per solid angle become densities per area.
+// Updates the partial sums at the next vertex: densities per solid angle become densities per area. `distance2`: squared length of the
+// segment, 1 for parallel rays. `cosine`: at the next vertex, 1 in a medium.
 fn mis_arrive(state: ptr<function, PathState>, distance2: f32, cosine: f32) {
     let c = mis(max(cosine, 1e-12));
     (*state).d_vcm = min((*state).d_vcm * mis(distance2) / c, MAX_SUM);

@@ -9,8 +9,8 @@ use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::{Gate, METRES_PER_NS};
 
-/// Least width of a suggested gate as a fraction of the scene's diagonal. Without triangles: of the time in which 90 % of the light
-/// arrives.
+/// Minimum width of a suggested gate, as a fraction of the diagonal of [`bounds`]. Without triangles: of the time from the 5th to the
+/// 95th percentile of the light.
 pub const SUGGESTED_PART: f64 = 0.02;
 
 /// Fails if the travel-time bounds show that no path can meet the gate.
@@ -33,7 +33,7 @@ pub fn nothing_inside(device: &Device, scene: &Scene, settings: &Settings) -> Er
     refuse(settings, scene, found, probed.ok().as_ref())
 }
 
-/// When light arrives. If none arrives, `backs` is a note if black backs of surfaces may be the reason.
+/// Result of the probe. `backs`: a note, if no light arrives and black backs of surfaces may be the reason.
 struct Probed {
     times: TravelTimes,
     backs: Option<String>,
@@ -79,7 +79,8 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
 pub const MEDIAN: f64 = 50.0;
 
 /// A gate around the time at which `percent` of the light has arrived. It is [`SUGGESTED_PART`] wide, or wider if 32-bit travel times
-/// need it. `None` if no light arrived, or all of it at one time in a scene without triangles.
+/// need it. `percent`: 0 to 100. `None` if no light arrived, or if the 5th and the 95th percentile are equal in a scene without
+/// triangles.
 pub fn suggestion(times: &TravelTimes, scene: &Scene, settings: &Settings, percent: f64) -> Option<Gate> {
     let whole = match bounds(scene) {
         Some((low, high)) => (high - low).length(),
@@ -105,12 +106,12 @@ pub fn bounds(scene: &Scene) -> Option<(glam::DVec3, glam::DVec3)> {
     corners.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
 }
 
-/// `12.346 m (41.18 ns)`
+/// `12.346 m (41.182 ns)`
 fn travel(tau: f64) -> String {
     format!("{} m ({} ns)", short(tau), short(tau / METRES_PER_NS))
 }
 
-/// About five digits; with an exponent from 1e9 on.
+/// With 1 to 7 decimals: four to six digits from 0.1 to 100,000. With an exponent from 1e9 on.
 pub fn short(x: f64) -> String {
     if x.abs() >= 1e9 {
         return format!("{x:.4e}");

@@ -155,7 +155,7 @@ fn serve_until_interrupt(
         let _ = end.send(true);
         // Give the pages some time to receive their last message.
         let start = Instant::now();
-        while board.connections() != [0, 0] && start.elapsed() < GOODBYE {
+        while board.pages_and_strangers() != [0, 0] && start.elapsed() < GOODBYE {
             tokio::time::sleep(POLL).await;
         }
     };

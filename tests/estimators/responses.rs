@@ -41,19 +41,21 @@ fn gates_far_apart_agree_with_the_closed_form() {
     let responses = separate(&[[2.6, 2.8], [6.0, 6.4]]);
     assert_eq!(responses.hole(), Some(Gate { lo: 2.8, hi: 6.0 }));
     let all = [Estimator::Lcs, Estimator::Epc, Estimator::LcsPaper, Estimator::Bdpt, Estimator::Pt];
-    for &estimator in if is_long() { &all[..] } else { &all[..2] } {
+    let estimators = if is_long() { &all[..] } else { &all[..1] };
+    let limit = threshold(estimators.len() * responses.len());
+    for &estimator in estimators {
         let means = means(&sphere(), estimator, &responses, 500);
         for (k, z) in z_scores(&means, &responses, 1.0).into_iter().enumerate() {
-            assert!(z.abs() < threshold(8), "{estimator}, gate {k}: z = {z:.2}");
+            assert!(z.abs() < limit, "{estimator}, gate {k}: z = {z:.2}");
         }
         // Negative control: gates that are 3 % late.
         let late = z_scores(&means, &responses, 1.03);
-        assert!(late.into_iter().any(|z| z.abs() > threshold(8)), "{estimator}: late gates pass");
+        assert!(late.into_iter().any(|z| z.abs() > limit), "{estimator}: late gates pass");
     }
 }
 
-/// If several responses are lit for at most a tenth of the diagonal, `lcs` queries its trees for a vertex per sixteenth of the
-/// support. A tenth of the diagonal is 0.35 m here. Negative control: the closed form for responses that are 3 % late.
+/// If several responses, or one with edges, are lit for at most a tenth of the diagonal in total, `lcs` queries its trees and chooses a
+/// vertex for each sixteenth of the support. A tenth of the diagonal is 0.35 m here. Negative control: the closed form for responses that are 3 % late.
 #[test]
 fn short_responses_of_lcs_agree_with_the_closed_form() {
     let soft = Response::new("soft", Gate { lo: 2.95, hi: 3.15 }, Edge::Ramp(0.1));
@@ -69,11 +71,12 @@ fn short_responses_of_lcs_agree_with_the_closed_form() {
     for (n, responses) in cases.iter().enumerate() {
         let settings = settings(Estimator::Lcs, [12, 12]).responses(responses.clone()).build().unwrap();
         let mut renderer = renderer(&scene, &settings);
-        let has_record_of = |others: &Responses| renderer.can_restart(others);
-        // The same responses, but lit for more than a tenth of the diagonal, or for less than 0.04 % of it.
+        let shares_record_with = |others: &Responses| renderer.can_restart(others);
+        // A renderer restarts only with responses of its own record. `wide`: lit for more than a tenth of the diagonal. The gates in the
+        // second check are thinner than 0.04 % of it.
         let wide = [gates(2.9, 3.3, 6).into(), separate(&[[2.7, 2.9], [3.4, 3.6]])];
-        assert!(!wide.iter().any(has_record_of), "case {n}: the record for histograms");
-        assert_eq!(has_record_of(&gates(3.3, 3.3001, 6).into()), n == 3, "case {n}: the record for thin gates");
+        assert!(!wide.iter().any(shares_record_with), "case {n}: the record for histograms");
+        assert_eq!(shares_record_with(&gates(3.3, 3.3001, 6).into()), n == 3, "case {n}: the record for thin gates");
 
         let means = means_of(&mut renderer, responses, 700);
         for (k, z) in z_scores(&means, responses, 1.0).into_iter().enumerate() {
@@ -227,8 +230,8 @@ fn tiles_and_drive_do_not_change_the_bits() {
     let card = rendered(Renderer::with_tuning(&open(Drive::CARD), &scene, &settings, tuning).unwrap());
     assert!(usual == bits(&card), "a graphics card");
     // The copies of the contributions join the submits of the bounces.
-    let [waits, expected] = [&card, &tiled].map(|renderer| renderer.stats().waits);
-    assert!(waits <= expected, "a graphics card waits {waits} times, not {expected} times");
+    let [waits, limit] = [&card, &tiled].map(|renderer| renderer.stats().waits);
+    assert!(waits <= limit, "a graphics card waits {waits} times, more than the {limit} times of the usual drive");
     let other = settings.change().seed(9).build().unwrap();
     assert!(usual != bits(&rendered(renderer(&scene, &other))), "another seed");
 }

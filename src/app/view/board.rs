@@ -1,4 +1,4 @@
-//! What the engine publishes and every page reads: the newest message of each kind, and the newest picture.
+//! The engine publishes the newest message of each kind, the newest picture and the surfaces here; every page reads them.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,13 +18,13 @@ pub enum Topic {
     Arrivals,
 }
 
-const TOPICS: usize = 5;
+const TOPICS: usize = Topic::Arrivals as usize + 1;
 
 /// The surfaces that the pixels show.
 pub struct Surfaces {
-    /// Length of the camera ray in metres per pixel, row-major; 0 without a surface.
+    /// Length of the camera ray in metres per pixel of the whole image, row-major; 0 without a surface.
     pub depth: Vec<f32>,
-    /// Index into `names` of the object per pixel, row-major; [`Surfaces::NOTHING`] without a surface.
+    /// Index into `names` of the object per pixel of the whole image, row-major; [`Surfaces::NOTHING`] without a surface.
     pub object: Vec<u32>,
     pub names: Vec<String>,
 }
@@ -93,6 +93,7 @@ impl Board {
         self.publish(|newest, number| newest.picture = Some((number, Arc::new(picture))));
     }
 
+    /// Keeps the surfaces. Does not notify pages: they need surfaces only when they ask for a pixel.
     pub fn surfaces(&self, surfaces: Surfaces) {
         self.lock().surfaces = Some(Arc::new(surfaces));
     }
@@ -130,8 +131,8 @@ impl Board {
         self.pages.load(Ordering::Relaxed) > 0
     }
 
-    /// Number of pages, and of connections that have not sent the token yet.
-    pub fn connections(&self) -> [usize; 2] {
+    /// Number of pages, and of other connections: those that have not sent the token yet, or that are being closed.
+    pub fn pages_and_strangers(&self) -> [usize; 2] {
         let (pages, all) = (self.pages.load(Ordering::Relaxed), self.connections.load(Ordering::Relaxed));
         [pages, all.saturating_sub(pages)]
     }

@@ -117,7 +117,7 @@ async fn socket(State(shared): State<Arc<Shared>>, headers: HeaderMap, upgrade: 
     if !has_own_origin(&headers) {
         return (StatusCode::FORBIDDEN, "a page of another site may not connect\n").into_response();
     }
-    let [pages, strangers] = shared.board.connections();
+    let [pages, strangers] = shared.board.pages_and_strangers();
     if pages >= MAX_PAGES || strangers >= MAX_STRANGERS {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open; close some of them\n").into_response();
     }

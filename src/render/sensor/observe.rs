@@ -13,7 +13,8 @@ use crate::wgsl::layout::constants::NOT_TRACED;
 pub struct SensorContribution {
     /// Value for one sample of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],
-    /// With [`Observe::Strategies`] the MIS weight; otherwise the travel time in units of the render space.
+    /// With [`Observe::Strategies`] the MIS weight; otherwise the travel time in units of the render space, 0 for
+    /// light from the sky.
     pub tau_or_weight: f32,
     /// Index of the subpath in its tile.
     pub path: u32,
@@ -29,8 +30,9 @@ pub struct SensorContribution {
 }
 
 impl SensorTracer {
-    /// As [`SensorTracer::run`], for a plan that observes contributions. The host waits for each bounce. Calls `visit` with
-    /// every emitter hit and every connection that is not blocked.
+    /// As [`SensorTracer::run`], for a plan that observes contributions. The host waits for each bounce. Calls `visit` with all light of
+    /// s = 0 (emitter hits, the sky) and with every connection that is not blocked. [`Observe::Times`] leaves out emitters in view, and
+    /// s = 0 from the sky.
     pub fn observe(
         &mut self,
         plan: &Plan,
@@ -48,9 +50,9 @@ impl SensorTracer {
         Ok(())
     }
 
-    /// Runs the bounces of a tile until no path lives or the iteration is abandoned. `keep` looks at every contribution; several
-    /// threads call it. `take` gets the values that it returns, in the order of bounces, and of paths in each part. Returns the
-    /// seconds of the longest submit that traced paths.
+    /// Runs the bounces of a tile until no path lives, `max_depth` is reached, or the iteration is abandoned. Several threads call `keep`
+    /// with the contributions. `take` gets the values that `keep` returns, bounce by bounce: first light of s = 0, then connections,
+    /// each in the order of paths. Returns the seconds of the longest submit that traced or connected paths.
     #[allow(clippy::too_many_arguments)]
     pub(super) fn observe_bounces<T: Send>(
         &mut self,
@@ -140,16 +142,17 @@ impl SensorTracer {
         let candidates = self.read_counters(tile.len() as u32, &mut Stats::default())?[CANDIDATES as usize];
         let slot_list = b.slot_list.with(candidates as usize, <[u32]>::to_vec)?;
         let shade_list = b.shade_list.with(shade_points, <[u32]>::to_vec)?;
-        // Where slots and shade points ascend, the paths of the connections ascend.
+        // `in_parts` checks that the slots ascend. If the shade points ascend too, connections come in the order of their paths.
         in_order(&shade_list)?;
         let vertices_of = |candidates: &[Candidate]| candidates.iter().map(|candidate| candidate.vertex).collect();
         let vertices: Vec<u32> = match plan.observe.has_vertices() {
             true => b.candidates.with(entries, vertices_of)?,
             false => vec![],
         };
+        let no_candidate = || computes_wrongly("it listed a candidate that does not exist");
         let connections = |contributions: &[[f32; 4]]| {
             in_parts(&slot_list, MIN_PART, |slot| {
-                let value = *contributions.get(slot as usize).ok_or_else(no_path)?;
+                let value = *contributions.get(slot as usize).ok_or_else(no_candidate)?;
                 match has_light(value) && value[3] > NOT_TRACED {
                     true => found(shade_list[(slot / slots) as usize], value, vertices.get(slot as usize).copied()),
                     false => Ok(None),
@@ -165,7 +168,7 @@ fn has_light([r, g, b, _]: [f32; 4]) -> bool {
     [r, g, b] != [0.0; 3]
 }
 
-/// Minimum number of entries of a list for each thread. To start a thread takes as long as to read about a thousand entries.
+/// Minimum number of entries of a list for each thread. Starting a thread takes as long as reading about a thousand entries.
 const MIN_PART: usize = 1 << 15;
 
 /// Fails if the entries of a list do not ascend.
@@ -190,8 +193,8 @@ fn in_parts<T: Send>(
     let threads = rayon::current_num_threads().min(list.len() / min_part).max(1);
     let mut parts = list.chunks(list.len().div_ceil(threads).max(1));
     let first = parts.next().unwrap_or_default();
-    // The caller holds the lock of the device. A thread of rayon that waits may take up a task that needs this lock, so these
-    // threads are not of rayon.
+    // The caller holds the lock of the device. A rayon thread that waits may take up a task that needs this lock, and would
+    // then wait forever. So these are plain threads.
     std::thread::scope(|scope| {
         let others: Vec<_> = parts.map(|part| scope.spawn(move || read_all(part))).collect();
         let others = others.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));

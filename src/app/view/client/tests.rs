@@ -54,8 +54,12 @@ impl Server {
     /// Waits until there are this many pages, and no other connections.
     fn wait_for_pages(&self, count: usize) {
         let start = Instant::now();
-        while self.shared.board.connections() != [count, 0] {
-            assert!(start.elapsed() < PATIENCE, "{:?} instead of {count} pages", self.shared.board.connections());
+        while self.shared.board.pages_and_strangers() != [count, 0] {
+            assert!(
+                start.elapsed() < PATIENCE,
+                "{:?} instead of {count} pages",
+                self.shared.board.pages_and_strangers()
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
     }
