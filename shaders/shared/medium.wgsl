@@ -218,8 +218,9 @@ struct Flight {
 }
 
 // Probability p with which a sensor subpath reaches the end of a segment. `unscattered`: its transmittance T without absorption. On the
-// first segment, p = sqrt(T): both outcomes then have small weights, T / p and (1 - T) / (1 - p) <= 2, and surfaces behind fog get more
-// samples. On later segments p = T, and the weights are 1. Other weights would multiply over many segments to a few bright paths.
+// first segment, p = sqrt(T), so surfaces behind fog get more samples. The weights of both outcomes stay small: T / p <= 1 and
+// (1 - T) / (1 - p) <= 2. On later segments p = T, and the weights are 1. Other weights would multiply over many segments to a few
+// bright paths.
 fn end_probability_of(unscattered: f32) -> f32 {
     return select(unscattered, sqrt(unscattered), dispatch.bounce == 0u);
 }

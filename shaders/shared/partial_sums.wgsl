@@ -11,12 +11,12 @@ fn follows_connected(v: PathVertex) -> bool {
     return DRAWS_IN_GATE && (v.flags & VERTEX_FOLLOWS_CONNECTED) != 0u;
 }
 
-// Estimate of the density per length of an event that a sensor subpath draws in the gate, divided by its density in a flight from the
-// deterministic vertex. The index of refraction is ignored. Only here do MIS weights contain a coefficient of the medium; elsewhere it
-// cancels (`flight_density`). `medium`: medium of the event. `back`: unit direction from the event to the deterministic vertex.
-// `onwards`: to the other neighbour. If the event moves by dl along the sensor's segment, away from the sensor, the path becomes
-// (1 + cos(back, onwards)) dl longer. So the density in the gate is 1 + cos(back, onwards) over the width of the gate. The result is at
-// least 1, because a wide gate does not limit the flight.
+// Estimate of a ratio of two densities per length, both of the same event. The first one: a sensor subpath draws the event in the gate.
+// The second one: a flight from the deterministic vertex ends there. The index of refraction is ignored. Only here do MIS weights
+// contain a coefficient of the medium; elsewhere it cancels (`flight_density`). `medium`: medium of the event. `back`: unit direction
+// from the event to the deterministic vertex. `onwards`: to the other neighbour. Let the event move by dl along the sensor's segment,
+// away from the sensor. Then the path becomes (1 + cos(back, onwards)) dl longer. So the density in the gate is 1 + cos(back, onwards)
+// over the width of the gate. The result is at least 1, because a wide gate does not limit the flight.
 fn density_gain(medium: u32, back: vec3<f32>, onwards: vec3<f32>) -> f32 {
     return max((1.0 + dot(back, onwards)) / ((frame.gate_hi - frame.gate_lo) * mean_extinction(medium)), 1.0);
 }

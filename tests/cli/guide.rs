@@ -85,8 +85,8 @@ fn run(document: &str) -> usize {
         match info.split(' ').collect::<Vec<_>>()[..] {
             ["sh"] | ["sh", "slow"] => {
                 let is_short = info == "sh slow" && std::env::var_os("TAUGATE_LONG_TESTS").is_none();
-                let read_only = |text: &str| text.replace("taugate render ", "taugate render --print-config ");
-                let output = shell(here.path(), &if is_short { read_only(&text) } else { text.clone() });
+                let flag = if is_short { "--print-config " } else { "" };
+                let output = shell(here.path(), &text.replace("taugate render ", &format!("taugate render {flag}")));
                 assert!(output.status.success(), "{place}: {text}{}", String::from_utf8_lossy(&output.stderr));
             }
             ["sh", "fails"] => {

@@ -54,8 +54,9 @@ fn gates_far_apart_agree_with_the_closed_form() {
     }
 }
 
-/// If several responses, or one with edges, are lit for at most a tenth of the diagonal in total, `lcs` queries its trees and chooses a
-/// vertex for each sixteenth of the support. A tenth of the diagonal is 0.35 m here. Negative control: the closed form for responses that are 3 % late.
+/// Several responses, or one with edges, are short if they are lit for at most a tenth of the diagonal in total. That is 0.35 m here. Then
+/// `lcs` queries its trees, and chooses a vertex for each sixteenth of the support. Negative control: the closed form for responses that
+/// are 3 % late.
 #[test]
 fn short_responses_of_lcs_agree_with_the_closed_form() {
     let soft = Response::new("soft", Gate { lo: 2.95, hi: 3.15 }, Edge::Ramp(0.1));
