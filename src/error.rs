@@ -32,6 +32,15 @@ pub enum Error {
     #[error("device: {0}")]
     Device(String),
 
+    /// A call of Vulkan failed: the device is out of memory, or it was lost, or the driver has a defect.
+    #[error("device: {message}")]
+    Vulkan {
+        /// The step that failed, and the remedy if there is one.
+        message: String,
+        /// The error of the driver: a `VkResult`.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+
     /// A file has the wrong contents, or its name cannot be used.
     #[error("{}: {message}", path.display())]
     File {
@@ -76,7 +85,7 @@ impl Error {
             Error::Scene { .. } => ErrorKind::Scene,
             Error::Settings(_) => ErrorKind::Settings,
             Error::Shader(_) => ErrorKind::Shader,
-            Error::Device(_) => ErrorKind::Device,
+            Error::Device(_) | Error::Vulkan { .. } => ErrorKind::Device,
             Error::File { .. } | Error::Io { .. } => ErrorKind::File,
         }
     }
@@ -84,6 +93,17 @@ impl Error {
     /// An [`Error::Settings`] with this message, which names the problem and the remedy.
     pub fn settings(message: impl Into<String>) -> Error {
         Error::Settings(message.into())
+    }
+
+    /// The same error with another message, if it is an error of the device. Other errors stay as they are.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn map_device_message(self, change: impl FnOnce(String) -> String) -> Error {
+        match self {
+            Error::Device(message) => Error::Device(change(message)),
+            Error::Vulkan { message, source } => Error::Vulkan { message: change(message), source },
+            other => other,
+        }
     }
 
     pub(crate) fn io(path: &Path, message: impl Into<String>, source: io::Error) -> Error {

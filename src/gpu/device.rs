@@ -49,13 +49,12 @@ impl Device {
         let info = DeviceInfo { drive: drive.unwrap_or(infos[index].drive), ..infos[index].clone() };
         let opened = open_physical(instance, physical[index], info);
         // A user who chose the device knows about the others.
-        opened.map_err(|error| match error {
-            Error::Device(message) if selector.is_none() && infos.len() > 1 => {
-                let name = &infos[index].name;
-                Error::Device(format!("{name} cannot be used: {message}; choose another device with --device"))
-            }
-            error => error,
-        })
+        if selector.is_some() || infos.len() == 1 {
+            return opened;
+        }
+        let name = &infos[index].name;
+        let unusable = |message| format!("{name} cannot be used: {message}; choose another device with --device");
+        opened.map_err(|error| error.map_device_message(unusable))
     }
 
     /// Whether both stand for one open device, so that one may use the buffers of the other.

@@ -21,15 +21,16 @@ const VALIDATE: &str = "TAUGATE_VALIDATE";
 
 /// Converts the error of a Vulkan call, with a remedy if there is one. `doing` says which step failed, such as "submitting work".
 pub(super) fn device_error(doing: &str, e: vk::Result) -> Error {
-    match e {
-        vk::Result::ERROR_DEVICE_LOST => Error::Device(format!(
+    let message = match e {
+        vk::Result::ERROR_DEVICE_LOST => format!(
             "the device was lost while {doing}; choose another device with --device, or try a smaller --resolution"
-        )),
+        ),
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
-            Error::Device(format!("out of memory while {doing}; try a smaller --resolution or fewer --light-paths"))
+            format!("out of memory while {doing}; try a smaller --resolution or fewer --light-paths")
         }
-        _ => Error::Device(format!("{doing} failed ({e})")),
-    }
+        _ => format!("{doing} failed ({e})"),
+    };
+    Error::Vulkan { message, source: e.into() }
 }
 
 impl Instance {
@@ -133,4 +134,22 @@ unsafe extern "system" fn on_message(
     let message = unsafe { CStr::from_ptr((*data).p_message) }.to_string_lossy();
     eprintln!("validation {severity:?}: {message}");
     std::process::abort()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+
+    use super::*;
+    use crate::error::ErrorKind;
+
+    #[test]
+    fn an_error_of_the_driver_keeps_its_source() {
+        let lost = device_error("submitting work", vk::Result::ERROR_DEVICE_LOST);
+        let error = lost.map_device_message(|message| format!("{message}; the files hold 4 samples"));
+        assert_eq!(error.kind(), ErrorKind::Device);
+        assert!(error.to_string().ends_with("; the files hold 4 samples"), "{error}");
+        let source = error.source().and_then(|source| source.downcast_ref::<vk::Result>());
+        assert_eq!(source, Some(&vk::Result::ERROR_DEVICE_LOST));
+    }
 }

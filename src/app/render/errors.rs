@@ -13,10 +13,7 @@ pub struct NotFinite {
 
 /// Adds to an error of the device that the files hold `what`, which was rendered before the error.
 pub fn after(failure: Error, what: &str) -> Error {
-    match failure {
-        Error::Device(message) => Error::Device(format!("{message}; the files hold {what}")),
-        other => other,
-    }
+    failure.map_device_message(|message| format!("{message}; the files hold {what}"))
 }
 
 /// Names the scene's file in an error of the settings, because the scene may be the cause.
