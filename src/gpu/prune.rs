@@ -1,4 +1,5 @@
-//! Removes branches that a kernel never takes, because the override constant that they depend on has a value.
+//! Removes branches that a kernel never takes, because the override constant that they depend on has a value. The condition may be a
+//! call of a function, such as `is_coated`, that returns false in all kernels without the feature.
 //!
 //! A driver would remove them too, but only after it has parsed and optimised the whole module. On lavapipe, that takes three times
 //! as long for the kernels of the Cornell box, at the start of every render.
@@ -12,15 +13,36 @@ use naga::{
 /// Replaces each `if` with a constant condition by the branch that is taken, in all functions of `module`. The module stays valid.
 pub fn remove_dead_branches(module: &mut Module) {
     let Module { constants, global_expressions, functions, entry_points, .. } = module;
-    let globals = Globals { constants, expressions: global_expressions };
-    functions.iter_mut().for_each(|(_, function)| prune(function, &globals));
+    let mut globals = Globals { constants, expressions: global_expressions, results: HashMap::new() };
+    // A function comes after those that it calls.
+    for (handle, function) in functions.iter_mut() {
+        prune(function, &globals);
+        if let Some(result) = result(function, &globals) {
+            globals.results.insert(handle, result);
+        }
+    }
     entry_points.iter_mut().for_each(|entry| prune(&mut entry.function, &globals));
 }
 
-/// The constants of a module.
+/// The constants of a module, and the functions whose result is constant.
 struct Globals<'a> {
     constants: &'a Arena<Constant>,
     expressions: &'a Arena<Expression>,
+    results: HashMap<Handle<Function>, bool>,
+}
+
+/// The result of a function if it is a constant.
+fn result(function: &Function, globals: &Globals) -> Option<bool> {
+    let mut returned = vec![];
+    visit(&function.body, &mut |statement| {
+        if let Statement::Return { value } = *statement {
+            returned.push(value);
+        }
+    });
+    match returned[..] {
+        [Some(only)] => value(only, &function.expressions, &stored_once(function), globals),
+        _ => None,
+    }
 }
 
 /// The stored value of each variable that has no name and exactly one store. For `a && b`, naga makes a variable without a
@@ -56,6 +78,7 @@ fn value(
             _ => None,
         },
         Expression::Unary { op: UnaryOperator::LogicalNot, expr } => Some(!value(expr, expressions, stored, globals)?),
+        Expression::CallResult(function) => globals.results.get(&function).copied(),
         Expression::Load { pointer } => match expressions[pointer] {
             Expression::LocalVariable(variable) => value(*stored.get(&variable)?, expressions, stored, globals),
             _ => None,
@@ -182,6 +205,19 @@ mod tests {
             let loops = usize::from(body.contains("for"));
             assert_eq!(left(&shader(body)), (loops, 2), "{body}");
         }
+    }
+
+    #[test]
+    fn branches_that_a_call_excludes_are_gone() {
+        let text = |helper: &str| {
+            let both = shader("if (is_on(x) && x < 9u) { return on(x); } return off(x);");
+            format!("fn is_on(x: u32) -> bool {{ {helper} }} {both}")
+        };
+        // `is_on`, `off`, and `f` are left.
+        assert_eq!(left(&text("return OFF && x > 3u;")), (0, 3));
+        assert_eq!(left(&text("if (ON) { return false; } return x > 3u;")), (0, 3));
+        assert_eq!(left(&text("return ON && x > 3u;")), (2, 4));
+        assert_eq!(left(&text("if (x > 3u) { return OFF; } return OFF;")), (3, 4), "two returns are too many");
     }
 
     #[test]
