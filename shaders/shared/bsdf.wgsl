@@ -107,8 +107,7 @@ fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
     // same scale as in a material with constant alpha.
     let row = sqrt(min(p.alpha, 1.0)) * f32(ALBEDO_ROWS - 1u);
     let i = min(u32(row), ALBEDO_ROWS - 2u);
-    let means = ALBEDO_COLUMNS * ALBEDO_ROWS + i;
-    let mean = mix(albedo_table[means], albedo_table[means + 1u], row - f32(i));
+    let mean = albedo_between(ALBEDO_COLUMNS * ALBEDO_ROWS + i, row - f32(i));
     b.diffuse_scale = 1.0 / (PI * max(1.0 - (b.f0 * mean.x + b.f90 * mean.y), MIN_BELOW_COAT));
     return b;
 }
@@ -127,9 +126,13 @@ fn lobe_albedo(alpha: f32, cosine: f32) -> vec2<f32> {
     let i = min(vec2<u32>(p), size - 2u);
     let f = p - vec2<f32>(i);
     let row = i.y * ALBEDO_COLUMNS + i.x;
-    let low = mix(albedo_table[row], albedo_table[row + 1u], f.x);
-    let high = mix(albedo_table[row + ALBEDO_COLUMNS], albedo_table[row + ALBEDO_COLUMNS + 1u], f.x);
-    return mix(low, high, f.y);
+    return mix(albedo_between(row, f.x), albedo_between(row + ALBEDO_COLUMNS, f.x), f.y);
+}
+
+// Interpolates between the entries `index` and `index` + 1 of the table of albedos.
+fn albedo_between(index: u32, t: f32) -> vec2<f32> {
+    let entries = bitcast<vec4<f32>>(textureLoad(albedo_table, index, 0));
+    return mix(entries.xy, entries.zw, t);
 }
 
 // Directional albedo of the coat, in [0, 1], in the channel in which the coat reflects most. The base under the coat gets the
@@ -173,8 +176,12 @@ fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
     if (!HAS_GLOSSY) {
         return Lobes(1.0, 0.0, 0.0, 0.0);
     }
+    return lobe_probabilities_of(b, cosine, coat_albedo(b, cosine));
+}
+
+// As `lobe_probabilities`, if the `coat_albedo` for this cosine is `coat`.
+fn lobe_probabilities_of(b: Bsdf, cosine: f32, coat: f32) -> Lobes {
     let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
-    let coat = coat_albedo(b, cosine);
     let diffuse = plastic * luminance(b.base) * (1.0 - coat);
     let gloss = plastic * coat + b.metallic * luminance(schlick(b.base, cosine));
     let glass = (1.0 - b.metallic) * b.transmission;
@@ -258,10 +265,12 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
         return r;
     }
     let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
-    let from_sensor = lobe_probabilities(b, wc.z);
-    let from_light = lobe_probabilities(b, wl.z);
+    let coat_c = coat_albedo(b, wc.z);
+    let coat_l = coat_albedo(b, wl.z);
+    let from_sensor = lobe_probabilities_of(b, wc.z, coat_c);
+    let from_light = lobe_probabilities_of(b, wl.z, coat_l);
     // The diffuse base under the coat gets the light that the coat does not reflect. This form is reciprocal.
-    let base = (1.0 - coat_albedo(b, wl.z)) * (1.0 - coat_albedo(b, wc.z)) * b.diffuse_scale;
+    let base = (1.0 - coat_l) * (1.0 - coat_c) * b.diffuse_scale;
     r.f = plastic * base * b.base;
     r.pdf_to_light = from_sensor.diffuse * wl.z / PI;
     r.pdf_to_sensor = from_light.diffuse * wc.z / PI;

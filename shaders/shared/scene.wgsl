@@ -108,8 +108,8 @@ struct Emitter {
 @group(0) @binding(9) var emitters: texture_1d<u32>;
 // The directional albedo of the GGX lobe is f0 * x + f90 * y for an entry (x, y). f0 and f90 are the reflectances at normal and at
 // grazing incidence. The table has ALBEDO_COLUMNS x ALBEDO_ROWS entries, over the square roots of cosine and alpha. Then come ALBEDO_ROWS
-// entries: the cosine-weighted mean of each row over the hemisphere.
-@group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
+// entries: the cosine-weighted mean of each row over the hemisphere. Texel k holds the entries k and k + 1.
+@group(0) @binding(10) var albedo_table: texture_1d<u32>;
 @group(0) @binding(11) var<storage, read> details: array<VertexDetails>;
 const ALBEDO_COLUMNS: u32 = 64u;
 const ALBEDO_ROWS: u32 = 32u;

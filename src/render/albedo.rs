@@ -13,6 +13,8 @@ use crate::wgsl::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 /// Then come `ROWS` pairs, one per row: the cosine-weighted mean over the hemisphere, see [`AlbedoTable::mean`].
 pub struct AlbedoTable {
     pub values: Vec<[f32; 2]>,
+    /// The same for the device: texel k holds the pairs k and k + 1. The last one holds the last pair twice.
+    pub texels: Vec<[f32; 4]>,
 }
 
 const COLUMNS: usize = ALBEDO_COLUMNS as usize;
@@ -30,13 +32,15 @@ impl AlbedoTable {
             .into_par_iter()
             .map(|i| lobe_albedo(square(i % COLUMNS, COLUMNS), square(i / COLUMNS, ROWS), &azimuths))
             .collect();
-        let mut table = AlbedoTable { values };
+        let mut table = AlbedoTable { values, texels: vec![] };
         let means = (0..ROWS).map(|row| {
             let mean = |f0: f64, f90: f64| table.mean(square(row, ROWS), f0, f90) as f32;
             [mean(1.0, 0.0), mean(0.0, 1.0)]
         });
         let means: Vec<_> = means.collect();
         table.values.extend(means);
+        let next = table.values[1..].iter().chain(table.values.last());
+        table.texels = table.values.iter().zip(next).map(|(a, b)| [a[0], a[1], b[0], b[1]]).collect();
         table
     }
 

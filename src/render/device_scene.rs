@@ -62,7 +62,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("phase_tables", "tables of phase functions", &media.phase_tables, MEDIA),
         texels("grids", "headers of density grids", &media.grids, MEDIA),
         texels("densities", "density grids", &media.densities, GRIDS),
-        part("albedo_table", "albedo table", &albedo.values, MESHES),
+        texels("albedo_table", "albedo table", &albedo.texels, MESHES),
     ]
 }
 

@@ -83,7 +83,7 @@ impl Set {
     }
 
     pub fn buffers(&self) -> [Contents; 2] {
-        [contents("materials", &self.device), contents("albedo_table", &self.albedo.values)]
+        [contents("materials", &self.device), contents("albedo_table", &self.albedo.texels)]
     }
 
     /// Index of the material with this name and alpha.

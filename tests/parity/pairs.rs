@@ -125,7 +125,7 @@ impl Bench {
         stage::add(&mut scene, "far", number, far);
         let glossy = f64::from(u8::from(glossy));
         let mut scene = buffers(&scene, DVec3::ZERO);
-        scene.extend([contents("albedo_table", &AlbedoTable::new().values), contents("sky", &[0u32; 4])]);
+        scene.extend([contents("albedo_table", &AlbedoTable::new().texels), contents("sky", &[0u32; 4])]);
         scene.extend([
             contents("media", &[0u32; 20]),
             contents("phase_tables", &[0u32; 4]),
