@@ -82,6 +82,13 @@ impl Cells {
         Cells { batches: times(&self.batches), channels: times(&self.channels) }
     }
 
+    /// The cells of the sum of two images, seed by seed.
+    pub fn plus(&self, other: &Cells) -> Cells {
+        let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect();
+        let sums = |a: &[Vec<f64>], b: &[Vec<f64>]| a.iter().zip(b).map(|(a, b)| sum(a, b)).collect();
+        Cells { batches: sums(&self.batches, &other.batches), channels: sums(&self.channels, &other.channels) }
+    }
+
     pub fn mean(&self, cell: usize) -> f64 {
         mean(&self.batches[cell])
     }

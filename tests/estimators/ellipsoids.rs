@@ -60,6 +60,30 @@ fn thin_gates_of_a_sphere(settings: &Settings, media: Vec<Medium>, widths: &[f64
     }
 }
 
+/// Abutting gates add up to the gate that covers both, for which `lcs` forms no ellipsoidal connections. The blocks of the room hide
+/// large parts of the ellipsoids.
+#[test]
+fn abutting_thin_gates_add_up_to_one() {
+    let scene = build(Kind::CornellBox);
+    let gates = [Gate { lo: 8.0, hi: 8.02 }, Gate { lo: 8.02, hi: 8.04 }];
+    let renderer = |estimator, ellipsoids| {
+        renderer(&scene, &settings(estimator, [16, 16]).max_depth(5).ellipsoids(ellipsoids).build().unwrap())
+    };
+    let whole = Gate { lo: gates[0].lo, hi: gates[1].hi };
+    let whole = Cells::measure(&mut renderer(Estimator::Lcs, UseEllipsoids::Off), whole, 16, 1, 16, 400);
+    for (estimator, ellipsoids) in [(Estimator::Lcs, UseEllipsoids::On), (Estimator::Epc, UseEllipsoids::Auto)] {
+        let mut renderer = renderer(estimator, ellipsoids);
+        let [first, second] = gates.map(|gate| Cells::measure(&mut renderer, gate, 16, 1, 8, 40));
+        let sum = first.plus(&second);
+        eprintln!("{estimator:?}: {:?} and {:?}", sum.whole(), whole.whole());
+        assert_none(disagreements(&sum, &whole));
+        assert!(
+            !disagreements(&sum.times(0.85), &whole).is_empty(),
+            "{estimator:?}: 85 % of the light is not rejected"
+        );
+    }
+}
+
 /// A renderer for a wide gate accepts a thin one, and the reverse, but a new renderer would give other bits.
 #[test]
 fn a_renderer_takes_gates_of_any_width() {
