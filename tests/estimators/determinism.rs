@@ -35,8 +35,7 @@ fn rerun_tile_and_workgroup_give_the_same_bits() {
     for (estimator, sampling) in ESTIMATORS.map(|estimator| (estimator, Sampling::Uniform)).into_iter().chain(adaptive)
     {
         // Long runs test all estimators and both ways to sample.
-        let is_short = [(Estimator::Epc, Sampling::Uniform), (Estimator::Lcs, Sampling::Adaptive)];
-        if !is_short.contains(&(estimator, sampling)) && !is_long() {
+        if (estimator, sampling) != (Estimator::Lcs, Sampling::Adaptive) && !is_long() {
             continue;
         }
         let settings = settings(estimator, SIZE).sampling(sampling).build().unwrap();
