@@ -9,7 +9,7 @@
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
 @group(2) @binding(5) var<storage, read_write> kept_vertices: array<PathVertex>;
 @group(2) @binding(6) var<storage, read_write> kept_splats: array<vec4<u32>>;
-// Number of the path in the batch, and the bits of the splat's MIS weight or travel time; see `splat_details` in light_splat.wgsl.
+// x: number of the path in the batch. y: bits of `splat_details` (light_splat.wgsl), or of 1 in renders without it.
 @group(2) @binding(7) var<storage, read_write> kept_paths: array<vec2<u32>>;
 
 // One thread copies one vertex.

@@ -24,6 +24,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     var s: PathState;
     s.position = ray.origin;
     s.tau = 0.0;
+    // Each pixel of a scanning sensor has a length by which its travel times are shorter (`aims` in camera.wgsl).
     if (HAS_AIMS) {
         s.tau = -SURROUNDING_GROUP_INDEX * load_aim(sensor.pixel).w;
     }

@@ -25,7 +25,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<sums::Sums>()?;
     module.add_function(wrap_pyfunction!(sums::check_parts, module)?)?;
     module.add_function(wrap_pyfunction!(sums::accumulate, module)?)?;
-    module.add_function(wrap_pyfunction!(sums::developed, module)?)?;
+    module.add_function(wrap_pyfunction!(sums::image_of_sums, module)?)?;
     module.add_function(wrap_pyfunction!(sums::refuse_black, module)?)?;
     module.add_function(wrap_pyfunction!(sums::seconds, module)?)?;
     module.add_function(wrap_pyfunction!(sums::part, module)?)?;

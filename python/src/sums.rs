@@ -153,8 +153,8 @@ pub fn accumulate<'py>(
                     renderer.iterate(samples)?;
                 }
             }
-            let render = about(settings, printed, contents)?;
-            let about = renderer.about(&render, started.elapsed().as_secs_f64());
+            let description = about(settings, printed, contents)?;
+            let about = renderer.about(&description, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());
             // Each part adapts by itself, so no other part needs the state of its adaptive sampling.
             let bytes = bytes(Parts { about: &about, film, responses, adaptive: None, layers: &Layers::default() })?;
@@ -181,12 +181,18 @@ pub fn refuse_black(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>) -> P
 /// The image of sums, as if `scene` had been rendered with `flags` here. Its settings name the samples that the sums have. `dropped`
 /// samples were not finite.
 #[pyfunction]
-pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &Sums, dropped: u64) -> PyResult<Image> {
+pub fn image_of_sums(
+    py: Python<'_>,
+    scene: &NativeScene,
+    flags: Vec<Words>,
+    sums: &Sums,
+    dropped: u64,
+) -> PyResult<Image> {
     let image = py.detach(|| {
         let job = scene.job(&flags)?;
         let settings = &job.resolved.settings;
         let mut sums = lock(&sums.0).clone();
-        // The workers may have the files elsewhere.
+        // The sums name the files by their paths on a worker. These are replaced by the paths on this machine.
         let printed = with_samples(&job.printed, sums.film.samples())?;
         let About { settings: printed, files, .. } = about(settings, &printed, String::new())?;
         (sums.about.settings, sums.about.files) = (printed, files);
@@ -203,8 +209,8 @@ pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &
     Ok(image?)
 }
 
-/// The end (not included) of a part that begins at iteration `begin` and has at least `samples` samples per pixel. Also returns the
-/// number of these samples.
+/// The end (not included) of the shortest part that begins at iteration `begin` and has at least `samples` samples per pixel. Also
+/// returns the samples per pixel of this part.
 #[pyfunction]
 pub fn part(begin: u32, samples: f64) -> (u32, u64) {
     let mut end = begin + 1;

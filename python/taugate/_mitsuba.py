@@ -300,7 +300,7 @@ class _Reader:
     def convertible(self, values, key):
         """The texture of Mitsuba that is this parameter and becomes a texture; ``None`` if there is none."""
         node = self.texture(values, key)
-        return node if node is not None and self.textures.can_convert(node) and self.textures.is_placed(node) else None
+        return node if node is not None and self.textures.can_convert(node) and self.textures.has_valid_transform(node) else None
 
     def texture(self, values, key):
         """The texture of Mitsuba that is this parameter; ``None`` if the parameter is no texture."""

@@ -13,7 +13,7 @@ from ._texture import MAX_TRANSFORM, ROWS, WRAPS, Texture, blocks, linear_bytes,
 
 # Textures that depend on nothing but the texture coordinates, and values that are the same everywhere.
 EVALUATED = re.compile(r"Bitmap|Checkerboard|\w*Spectrum$")
-# Sides of the image of a texture that is sampled. Scalar variants evaluate one point at a time.
+# Sides in texels of a sampled texture. SIDE also limits how far images are enlarged. Scalar variants evaluate one point at a time.
 SIDE, SCALAR_SIDE = 1024, 128
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
@@ -27,9 +27,10 @@ class Notes(list):
 
 
 def children(mi, item):
-    """The objects that an object consists of, by name. ``mi.traverse`` lists an object once, even if two parameters share it."""
+    """The objects that an object consists of, by name. ``mi.traverse`` would list an object only once if two parameters share it."""
 
-    # Nothing here may form a cycle with an object of Mitsuba: the garbage collector would delete the object during a render.
+    # No reference cycle may hold an object of Mitsuba. The garbage collector would delete the object during a later render of Mitsuba,
+    # which ends the process.
     class Children(mi.TraversalCallback):
         def put(self, name, value, flags, cpptype=None):
             if isinstance(value, mi.Object):
@@ -62,7 +63,8 @@ class Textures:
     def __init__(self, mi, note):
         self.mi = mi
         self.note = note
-        # Keys have addresses, so the values keep the objects that have these addresses.
+        # The keys contain addresses (`id`). A value also keeps the object, so no other object gets its address. `exact` keeps the nodes of
+        # `sampled`.
         self.exact = {}
         self.sampled = {}
         self.resized = {}
@@ -73,7 +75,7 @@ class Textures:
         nested = children(self.mi, node).values()
         return bool(EVALUATED.match(node.class_name())) and all(self.can_convert(one) for one in nested)
 
-    def is_placed(self, node):
+    def has_valid_transform(self, node):
         """Whether its transform is within the limits of the renderer."""
         found = self.mi.traverse(node)
         return "to_uv" not in found or bool((np.abs(_matrix(found["to_uv"])) <= MAX_TRANSFORM).all())
@@ -87,7 +89,10 @@ class Textures:
         return self.texture(self.image(node, uvs, what), what, self.roughness_texels)
 
     def numbers(self, nodes, whats, uvs):
-        """The :class:`Texture` of each number from 0 to 1, of the same shape; ``None`` if wrap modes, filters or transforms differ."""
+        """One :class:`Texture` per node, all of the same shape, with one number from 0 to 1 per texel.
+
+        ``None`` if wrap modes, filters or transforms differ.
+        """
         images = self.aligned([self.image(node, uvs, what) for node, what in zip(nodes, whats)])
         return images and [self.texture(image, what, self.number_texels) for image, what in zip(images, whats)]
 
@@ -107,14 +112,14 @@ class Textures:
         return Texture(self.bytes[key][1], alpha.wrap, alpha.filter, alpha.transform)
 
     def aligned(self, images):
-        """The images with the same number of texels; ``None`` if their wrap modes, filters or transforms differ."""
+        """The images, resized to the same number of texels; ``None`` if their wrap modes, filters or transforms differ."""
         for a, b in zip(images, images[1:]):
             if (a.wrap, a.filter) != (b.wrap, b.filter) or not np.allclose(a.transform, b.transform):
                 return None
         sizes = {image.texels.shape[:2] for image in images}
         if len(sizes) < 2:
             return images
-        # More texels, so that texels of both images end at about the same places as before.
+        # The common size is larger than any image where SIDE allows it. So the edges of texels move little in each image.
         largest = np.max(list(sizes), axis=0)
         size = tuple(int(side) for side in largest * _scale(largest))
         for image in images:
@@ -123,7 +128,7 @@ class Textures:
         return [self.resized[id(image), size][1] for image in images]
 
     def mean(self, node):
-        """Three numbers."""
+        """The mean linear colour, three numbers. Values that are not numbers do not count."""
         image = self.image(node, np.array([(0.0, 0.0), (1.0, 1.0)]))
         sums, count = np.zeros(3), np.zeros(3)
         for rows in blocks(image.texels):
@@ -151,7 +156,7 @@ class Textures:
 
     def roughness_texels(self, image, what):
         """Bytes (H, W)."""
-        # The renderer interpolates the square root, and Mitsuba its square. With more texels, this makes no difference.
+        # taugate interpolates the roughness, and Mitsuba its square. With more texels, the difference is smaller.
         return self.number_texels(image.enlarged(), what, np.sqrt)
 
     def number_texels(self, image, what, function=np.asarray):
@@ -213,13 +218,13 @@ class Textures:
             corners = np.array([[(0.25, 0.25), (0.75, 0.25)], [(0.25, 0.75), (0.75, 0.75)]])
             texels = self.evaluate(node, _uvs_of(matrix, corners.reshape(-1, 2))).reshape(2, 2, 3)
             options = [("repeat", "nearest", False)]
-        # Mitsuba rounds to these numbers.
+        # Mitsuba rounds texture coordinates to f32. The lookup below uses the same rounded coordinates.
         uvs = _uvs_of(matrix, _probes(texels)).astype(np.float32).astype(float)
         truth = self.evaluate(node, uvs)
         points = uvs @ matrix[:2, :2].T + matrix[:2, 2]
         images = [_Image(texels, matrix, *option) for option in options]
         errors = [image.error(points, truth) for image in images]
-        # Of options that differ by rounding alone, as for an image of one colour, the first one.
+        # The first option within 1e-6 of the smallest error. For example, all wrap modes fit an image of one colour equally well.
         best = int(np.argmax(np.array(errors) <= min(errors) + 1e-6))
         return images[best] if errors[best] < 0.01 else None
 
@@ -294,7 +299,7 @@ class _Image:
         return total
 
     def enlarged(self):
-        """The same image with up to 8 times the texels along each side, and no more than ``SIDE``."""
+        """The same image, its sides multiplied by :func:`_scale`. With the filter ``nearest``, the image itself."""
         height, width = self.texels.shape[:2]
         scale = _scale((height, width))
         return self if self.filter == "nearest" else self.resized(scale * height, scale * width)
@@ -324,7 +329,8 @@ def _probes(texels):
     """Points of an image at which filters, wrap modes and decodings differ."""
     random = np.random.default_rng(1)
     points = random.uniform(-1.5, 2.5, (256, 2))
-    # Points on texels that differ from the first one, in the image and in its neighbours: most of the image may be uniform.
+    # Adds points on texels that differ from the first texel, in the image and in its repeated or mirrored copies. Random points may all
+    # lie in a uniform part.
     rows = [row for row, line in enumerate(texels) if (line != texels[0, 0]).any()]
     for row in random.choice(rows, 256) if rows else ():
         column = random.choice(np.flatnonzero((texels[row] != texels[0, 0]).any(axis=-1)))
@@ -335,7 +341,7 @@ def _probes(texels):
 
 
 def _scale(size):
-    """Factor on the sides of an image: up to 8, and the image gets no more than ``SIDE`` texels along each side."""
+    """Factor from 1 to 8 that keeps the sides of an image within ``SIDE`` texels. It is 1 for a larger image."""
     return max(1, min(8, SIDE // max(size)))
 
 

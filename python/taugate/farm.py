@@ -449,7 +449,7 @@ class _Run:
         """The image so far; ``None`` before the first part."""
         if self.sums is None:
             return None
-        native = _native.developed(self.job.native, self.job.flags, self.sums, self.dropped)
+        native = _native.image_of_sums(self.job.native, self.job.flags, self.sums, self.dropped)
         return (Image if len(native.gates) == 1 else Histogram)(native)
 
     def cancel(self):

@@ -50,7 +50,7 @@ def by_hand(scene, spp, ranges):
             total = part
         else:
             total.merge(part)
-    return taugate.Image(taugate._native.developed(native, flags, total, 0))
+    return taugate.Image(taugate._native.image_of_sums(native, flags, total, 0))
 
 
 def test_a_killed_worker_changes_no_bit(cluster):

@@ -49,7 +49,8 @@ fn ellipsoid_importance(
         let from_x = 0.5 * (hi_x + lo_x) - focus.x;
         let from_y = 0.5 * (hi_y + lo_y) - focus.y;
         let from_z = 0.5 * (hi_z + lo_z) - focus.z;
-        // From the planes, not from centre and extent: in a box of 1 km, these differ from a plane by 60 micrometres due to rounding.
+        // These distances use the planes of the box. Centre minus half extent would round: in a box of 1 km, it misses the plane by 60
+        // micrometres.
         let near_x = max(max(lo_x - focus.x, focus.x - hi_x), vec4<f32>(0.0));
         let near_y = max(max(lo_y - focus.y, focus.y - hi_y), vec4<f32>(0.0));
         let near_z = max(max(lo_z - focus.z, focus.z - hi_z), vec4<f32>(0.0));
@@ -85,12 +86,12 @@ struct ChildChoice {
 
 // Chooses a child by the weights of children 0 to 3 and 4 to 7. `u`: uniform in [0, 1].
 fn choose_child(first: vec4<f32>, second: vec4<f32>, u: f32) -> ChildChoice {
-    let half = dot(first, vec4<f32>(1.0));
-    let all = half + dot(second, vec4<f32>(1.0));
+    let first_sum = dot(first, vec4<f32>(1.0));
+    let all = first_sum + dot(second, vec4<f32>(1.0));
     let wanted = u * all;
-    let is_second = wanted >= half;
+    let is_second = wanted >= first_sum;
     let weights = select(first, second, is_second);
-    let before = sums_before(weights) + select(0.0, half, is_second);
+    let before = sums_before(weights) + select(0.0, first_sum, is_second);
     // The last child with a positive weight whose interval begins at `wanted` or before.
     let begun = (before <= vec4<f32>(wanted)) & (weights > vec4<f32>(0.0));
     var chosen = select(0u, 1u, begun.y);
@@ -109,8 +110,8 @@ fn with_even_share(weights: vec4<f32>, share: f32) -> vec4<f32> {
 const DESCENTS: u32 = 4u;
 const POINT_DRAWS: u32 = 2u;
 
-// Contribution of a connection of diffuse vertices v and q over a diffuse point with this unit normal, up to a factor: the integrand of
-// the coarea formula in ellipsoid.wgsl. 0 if the point lies behind v or q.
+// Contribution of a connection of v and q over a point with this unit normal, up to a factor, as if all three were diffuse. It is per
+// radian on the arcs and per unit of the length of the detour, hence the division by `inverse_stretch`. 0 if the point lies behind v or q.
 fn contribution_estimate(position: vec3<f32>, normal: vec3<f32>, v: Focus, q: Focus) -> f32 {
     let from_v = position - v.position;
     let from_q = position - q.position;
@@ -122,8 +123,8 @@ fn contribution_estimate(position: vec3<f32>, normal: vec3<f32>, v: Focus, q: Fo
     return cosines / (square(r1 * r2) * inverse_stretch(normal, w1, r1, w2, r2));
 }
 
-// Cosine at a focus of light to or from the point, at least MIN_POINT_COSINE if it is positive; 1 for a focus without normal. `w`: unit
-// direction from the point to the focus.
+// Cosine between the normal of a focus and its direction to the point. If positive, it is at least MIN_POINT_COSINE; otherwise 0. It is
+// 1 for a focus without normal. `w`: unit direction from the point to the focus.
 fn focus_cosine(f: Focus, w: vec3<f32>) -> f32 {
     let cosine = -dot(f.normal, w);
     return select(select(0.0, max(cosine, MIN_POINT_COSINE), cosine > 0.0), 1.0, all(f.normal == vec3<f32>(0.0)));
@@ -142,7 +143,7 @@ fn descend_bvh(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) 
     var index = 0u;
     var is_inner = true;
     var group = TriangleGroup(0u, 0u, 1.0);
-    // The loop exits at its end: with a condition at the top, masked SIMD would run the body once more.
+    // Unless EXIT_AT_TOP is set, the loop exits at its end: with a condition at the top, masked SIMD would run the body once more.
     loop {
         if (EXIT_AT_TOP && (!is_inner || !(group.probability > 0.0))) {
             break;

@@ -37,13 +37,18 @@ impl Light {
                 name()
             ));
         }
-        let angles = match self.kind {
+        let angles_or_radius = match self.kind {
             LightKind::Point { .. } | LightKind::Directional { .. } | LightKind::Sky { .. } => [0.0; 2],
             LightKind::Spot { inner, outer, .. } => [inner, outer],
             LightKind::Beam { radius, .. } => [radius, radius],
         };
-        if !self.kind.strength().iter().chain(&angles).all(|x| x.is_finite() && *x >= 0.0) || angles[0] > angles[1] {
-            return Err(format!("{} has a strength, angle or radius that is negative or not finite", name()));
+        if !self.kind.strength().iter().chain(&angles_or_radius).all(|x| x.is_finite() && *x >= 0.0)
+            || angles_or_radius[0] > angles_or_radius[1]
+        {
+            return Err(format!(
+                "{} has a strength, angle or radius that is negative or not finite, or an inner angle above the outer one",
+                name()
+            ));
         }
         if self.kind.is_distant() && self.kind.strength().iter().any(|&channel| channel > MAX_DISTANT) {
             let strength = if self.kind.is_sky() { "a radiance" } else { "an irradiance" };
@@ -95,13 +100,13 @@ pub enum LightKind {
 }
 
 impl LightKind {
-    /// A spot light with a cone from `inner` to `outer` (half angles in radians). Where they are equal, `inner` becomes slightly
-    /// smaller: without room for the falloff, the falloff would divide by zero.
+    /// A spot light with a cone from `inner` to `outer` (half angles in radians). `inner` becomes at most
+    /// 0.999 times `outer`: with equal angles, the falloff would divide by zero.
     pub fn spot(intensity: [f32; 3], inner: f32, outer: f32) -> LightKind {
         LightKind::Spot { intensity, inner: inner.min(SHARPEST * outer), outer }
     }
 
-    /// A spot light whose cone of the half angle `half`, in radians, has the same intensity everywhere. It emits `power` W per channel.
+    /// A spot light with the half angle `half` in radians. Its intensity is the same up to SHARPEST times `half`. It emits `power` W per channel.
     pub(crate) fn cone(power: f64, half: f64) -> LightKind {
         let outer = half as f32;
         let inner = SHARPEST * outer;

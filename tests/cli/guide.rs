@@ -130,9 +130,9 @@ fn has_heading(page: &str, anchor: &str) -> bool {
 /// followed.
 #[test]
 fn links_lead_somewhere() {
-    let fixed = ["README.md", "docs/GUIDE.md", "docs/PERFORMANCE.md", "docs/ACCURACY.md", "docs/ARCHITECTURE.md"];
-    let further = ["docs/PAPER.md", "docs/LIMITS.md", "docs/PYTHON.md", "scenes/README.md"];
-    let mut documents: Vec<String> = fixed.into_iter().chain(further).map(String::from).collect();
+    let main_pages = ["README.md", "docs/GUIDE.md", "docs/PERFORMANCE.md", "docs/ACCURACY.md", "docs/ARCHITECTURE.md"];
+    let other_pages = ["docs/PAPER.md", "docs/LIMITS.md", "docs/PYTHON.md", "scenes/README.md"];
+    let mut documents: Vec<String> = main_pages.into_iter().chain(other_pages).map(String::from).collect();
     for page in std::fs::read_dir(root().join("docs/notebook")).unwrap() {
         documents.push(format!("docs/notebook/{}", page.unwrap().file_name().into_string().unwrap()));
     }

@@ -18,10 +18,11 @@ use super::outputs::check_pictures;
 use super::sums::Identity;
 use super::{Interrupt, Outcome, Session, check_pose, load_scene};
 
-/// The beginning of the settings of a frame, before the fingerprint of the contents of its inputs. It is a comment in TOML.
+/// How the first line of a frame's settings begins. The fingerprint of the input files follows. The line is a comment in TOML.
 const INPUTS: &str = "# Inputs: ";
 
-/// Renders all frames, then writes the pictures of all frames.
+/// Renders the frames of this shard that are not finished. Then writes the contact sheet and the animation, and the pictures that are
+/// missing or may have another exposure.
 pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
     if let Some(first) = sequence.frames().next() {
         check_pictures(&sequence, &sequence.frame(first))?;
@@ -64,8 +65,8 @@ pub fn with_inputs(settings: &str, identity: &Identity) -> String {
 }
 
 /// Whether all files of a frame exist. Its picture may be missing, because it is made from them. Fails if an image has other
-/// settings or inputs than `identity`, or lacks a layer, or if sums have another identity. Settings that do not affect the image may
-/// differ.
+/// settings or inputs than `identity`, or lacks a layer. Fails if sums belong to another render, or have another `--spp` or `--time`.
+/// Settings that do not affect the image may differ.
 pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
     let other = |path: &Path, difference: &str| {
         let message = format!("{} exists, but {difference}; remove it, or choose another name", path.display());
