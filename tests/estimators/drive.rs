@@ -78,6 +78,7 @@ fn lights_without_area_are_the_same_bits_too() {
 }
 
 #[test]
+#[ignore = "takes ten seconds; `lcs` and `epc` are tested always"]
 fn ellipsoidal_connections_of_lcs_are_the_same_bits_too() {
     let settings = settings(Estimator::Lcs, SIZE).ellipsoids(UseEllipsoids::On).build().unwrap();
     assert_same(&build(Kind::Zoo(Light::Punctual)), &settings, &[Drive::CARD]);

@@ -78,6 +78,7 @@ fn equal_voxels_are_homogeneous_fog() {
 }
 
 #[test]
+#[ignore = "takes ten seconds; a cloud is compared with the oracle always"]
 fn a_grid_of_two_halves_is_two_boxes() {
     let [lo, hi] = BOX;
     let middle = 0.5 * (lo.x + hi.x);

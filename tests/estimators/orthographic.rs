@@ -42,9 +42,9 @@ fn a_lit_floor_has_the_radiance_of_the_closed_form() {
                 let z = |i: usize| ((cells.mean(i) - truth[i]).abs() - 1e-3 * brightest) / cells.variance(i).sqrt();
                 tested.filter(|&i| z(i) > threshold(truth.len() * GATES.len())).collect::<Vec<_>>()
             };
-            let sums = [cells.whole().0, truth.iter().sum::<f64>() / truth.len() as f64];
-            eprintln!("{estimator} [{lo}, {hi}): {sums:?}");
-            assert!(sums[0] > 0.0 && wrong(&truth).is_empty(), "{estimator} [{lo}, {hi}): cells {:?}", wrong(&truth));
+            let means = [cells.whole().0, truth.iter().sum::<f64>() / truth.len() as f64];
+            eprintln!("{estimator} [{lo}, {hi}): {means:?}");
+            assert!(means[0] > 0.0 && wrong(&truth).is_empty(), "{estimator} [{lo}, {hi}): cells {:?}", wrong(&truth));
             // Negative control: gates that are 10 cm too late.
             assert!(hi.is_infinite() || !wrong(&pooled((lo + 0.1, hi + 0.1))).is_empty(), "{estimator} [{lo}, {hi})");
         }
@@ -52,7 +52,7 @@ fn a_lit_floor_has_the_radiance_of_the_closed_form() {
 }
 
 /// The floor in the light of a thin beam. Only the strategy t = 1 finds the spot of the beam. The mean of the image and the travel
-/// time of the spot have closed forms. A mirror beside the camera reflects a second beam to the floor.
+/// time of the spot have closed forms. A mirror above the floor reflects a second beam down to the floor.
 #[test]
 fn the_spot_of_a_thin_beam_is_found_by_connections_to_the_sensor() {
     let mut scene = floor();
@@ -88,6 +88,7 @@ fn the_spot_of_a_thin_beam_is_found_by_connections_to_the_sensor() {
 }
 
 #[test]
+#[ignore = "takes ten seconds; a lit floor with a closed form is tested always"]
 fn a_room_seen_in_parallel_agrees_with_the_oracle() {
     let cornell = orthographic(build(Kind::CornellBox), 2.2);
     let gates = [(6.5, 7.0), (8.0, 8.3), (0.0, f64::INFINITY)];
@@ -127,16 +128,17 @@ fn culling_removes_no_light() {
     for scene in [floor(), orthographic(build(Kind::CornellBox), 2.2)] {
         let gate = if scene.lights.is_empty() { Gate { lo: 6.0, hi: 7.0 } } else { gate };
         let s = settings(Estimator::Bdpt, RESOLUTION).gate(gate);
-        let of = |no_cull: bool| image(&mut renderer(&scene, &s.clone().no_cull(no_cull).build().unwrap()), gate);
-        let culled = of(false);
-        assert!(culled.iter().any(|&x| x > 0.0) && culled == of(true));
+        let with_no_cull =
+            |no_cull: bool| image(&mut renderer(&scene, &s.clone().no_cull(no_cull).build().unwrap()), gate);
+        let culled = with_no_cull(false);
+        assert!(culled.iter().any(|&x| x > 0.0) && culled == with_no_cull(true));
     }
 }
 
 /// A renderer accepts a camera that turned, moved and changed its height of view. It then renders the same image as a new
 /// renderer. A renderer rejects a camera with another kind of projection.
 #[test]
-fn a_moved_camera_sees_what_one_there_sees() {
+fn a_moved_camera_gives_the_image_of_a_new_renderer() {
     let scene = orthographic(build(Kind::CornellBox), 1.5);
     let s = settings(Estimator::Bdpt, RESOLUTION).max_depth(6).build().unwrap();
     let mut moved = scene.cameras[0].clone();

@@ -202,6 +202,7 @@ fn foggy_sphere() -> Scene {
 }
 
 #[test]
+#[ignore = "takes ten seconds; short responses and fog are tested always, one by one"]
 fn a_short_histogram_in_fog_has_the_light_of_bdpt() {
     // These gates leave out most light vertices, so lcs draws from a part of them. Long runs have a room with mirrors too.
     let mut scenes = vec![(foggy_sphere(), gates(3.0, 4.2, 4))];

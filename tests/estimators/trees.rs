@@ -56,7 +56,7 @@ fn a_single_tree_agrees_with_the_closed_form() {
 
 /// Negative control: a gate that is off by 2 %.
 #[test]
-fn a_single_tree_and_a_gate_off_by_two_percent_are_rejected() {
+fn a_gate_off_by_two_percent_is_rejected_with_a_single_tree() {
     let scene = glowing_sphere();
     for estimator in TREES {
         let z = z(&scene, &single(estimator, [12, 12]), GATES[1], 1.02);
@@ -108,36 +108,37 @@ fn a_single_tree_agrees_with_two() {
     }
 }
 
-/// All combinations of the switches of the importance except the default, which the other tests use. `gloss` is off: the sphere
-/// has no glossy surface.
+/// All combinations of `centre`, `cosine` and `overlap`, except all three together: the other tests use all factors. `gloss` is
+/// off, because the sphere has no glossy surface.
 fn combinations() -> Vec<Importance> {
     let bit = |n: u32, k: u32| n >> k & 1 == 1;
     (0..7).map(|n| Importance { centre: bit(n, 0), cosine: bit(n, 1), overlap: bit(n, 2), gloss: false }).collect()
 }
 
-fn by(importance: Importance, resolution: [u32; 2]) -> Settings {
+fn settings_with(importance: Importance, resolution: [u32; 2]) -> Settings {
     settings(Estimator::Lcs, resolution).importance(importance).build().unwrap()
 }
 
 #[test]
+#[ignore = "takes ten seconds; leaves and frontiers of any size are tested always"]
 fn any_importance_agrees_with_the_closed_form() {
     let scene = glowing_sphere();
     let all = combinations();
     for &importance in if is_long() { &all[..] } else { &all[..2] } {
-        let z = z(&scene, &by(importance, [12, 12]), GATES[1], 1.0);
+        let z = z(&scene, &settings_with(importance, [12, 12]), GATES[1], 1.0);
         assert!(z.abs() < threshold(all.len()), "{importance}: z = {z:.2}");
     }
-    let late = z(&scene, &by(Importance::NONE, [12, 12]), GATES[1], 1.02);
+    let late = z(&scene, &settings_with(Importance::NONE, [12, 12]), GATES[1], 1.02);
     assert!(late.abs() > threshold(1), "a gate that is off by 2 % passes with z = {late:.2}");
 }
 
 /// `cargo test --release --test estimators -- --ignored any_importance`
 #[test]
 #[ignore = "takes ten seconds; the closed form is tested always"]
-fn any_importance_agrees_with_all_of_it() {
+fn any_importance_agrees_with_all_factors() {
     let scene = build(Kind::CornellBox);
     let measure = |importance: Importance, lo: f64, seed: u32| {
-        let s = by(importance, [24, 24]).change().max_depth(10).build().unwrap();
+        let s = settings_with(importance, [24, 24]).change().max_depth(10).build().unwrap();
         Cells::measure(&mut renderer(&scene, &s), Gate { lo, hi: lo + 0.3 }, 8, 1, 8, seed)
     };
     let all = measure(Importance::ALL, 8.0, 40);

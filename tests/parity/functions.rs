@@ -170,7 +170,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("load_sky_row", Caller("sky_towards")),
     ("load_sky_texel", Caller("sky_towards")),
     ("keep_escape", Test("parity/weights.rs", "weights_of_a_path_sum_to_one")),
-    ("emit_from_sky", Test("estimators/sky.rs", "estimators_agree_with_the_oracle_under_the_sky")),
+    ("emit_from_sky", Test("estimators/sky.rs", "estimators_agree_with_the_oracle_under_the_image_of_a_sky")),
     ("clear_slots", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
     ("transmits", Caller("eta_towards")),
     ("has_normal", Caller("vertex_cosine")),
