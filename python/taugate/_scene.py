@@ -70,7 +70,7 @@ class Scene:
 
     def add_material(self, name: str, material: Material) -> None:
         """Adds or replaces a :class:`Material`."""
-        self._of_arrays()
+        self._refuse_if_from_file()
         self._materials[name] = self._own(material)
         self._changed()
 
@@ -93,14 +93,14 @@ class Scene:
         ``material``: a :class:`Material` or the name of one; by default grey and diffuse. ``transform``
         (4 x 4) maps mesh space to world space; ``None``: the identity. ``moves``: whether the instance will move (see :meth:`set_transform`).
         """
-        self._of_arrays()
+        self._refuse_if_from_file()
         if isinstance(material, str) and material not in self._materials:
             raise SettingsError(f"the scene has no material '{material}'; add it with add_material")
         vertices, centre = _near_origin(vertices)
         self._meshes[name] = {
             "name": name,
             "vertices": vertices,
-            # Added to the vertices.
+            # The vertices are relative to this point. The transforms of instances add it again.
             "centre": centre,
             "triangles": _array(triangles, np.uint32, 2, "triangles"),
             "normals": None if normals is None else _array(normals, np.float32, 2, "normals"),
@@ -112,8 +112,8 @@ class Scene:
         self.add_instance(name, name, transform, moves=moves)
 
     def add_instance(self, name: str, mesh: str, transform: Optional[ArrayLike] = None, *, moves: bool = False) -> None:
-        """Adds or replaces another placement of a mesh."""
-        self._of_arrays()
+        """Adds or replaces an instance: a placement of a mesh."""
+        self._refuse_if_from_file()
         if mesh not in self._meshes:
             raise SettingsError(f"the scene has no mesh '{mesh}'; add it with add_mesh")
         self._instances[name] = (mesh, _matrix(transform), bool(moves))
@@ -122,7 +122,7 @@ class Scene:
     def add_light(self, kind: str, name: str, position: ArrayLike, **more: Any) -> None:
         """Adds or replaces a light without a surface: a ``point`` (``intensity`` in W/sr), a ``spot`` (``intensity``, ``direction`` or
         ``target``, ``inner_angle``, ``outer_angle`` in degrees) or a ``beam`` (``power`` in W, ``radius``, ``direction`` or ``target``)."""
-        self._of_arrays("lights with the settings lamp=... and headlamp=...")
+        self._refuse_if_from_file("lights with the settings lamp=... and headlamp=...")
         if kind not in LIGHTS:
             raise SettingsError(f"the light is a {kind!r}; choose one of {', '.join(LIGHTS)}")
         self._lights[name] = {"type": kind, "name": name, "position": position, **more}
@@ -186,13 +186,13 @@ class Scene:
         return {**info, "cameras": list(self.cameras) + [name for name in info["cameras"] if name != "look" or not self.cameras]}
 
     def experiment(self, **settings: Any) -> str:
-        """The settings of a render with all defaults, as an experiment file (TOML) of the program."""
+        """The settings of a render as an experiment file (TOML) of the program. Settings that were not given have their defaults."""
         native, flags = self._job(settings, "experiment")
         return native.settings(flags)
 
     # Inside.
 
-    def _of_arrays(self, instead="objects by changing that file"):
+    def _refuse_if_from_file(self, instead="objects by changing that file"):
         if self.path is not None:
             raise SettingsError(f"this scene was read from a file; add {instead}")
 
@@ -204,7 +204,7 @@ class Scene:
         self._stale = True
 
     def _forget_natives(self):
-        """What a copy or a pickle of the scene does not share."""
+        """Resets the attributes that a copy or a pickle does not share with the scene."""
         #: Two threads may use a scene that is not prepared yet.
         self._lock = threading.RLock()
         self._native = self._words = None
@@ -213,7 +213,7 @@ class Scene:
         self._texels = weakref.WeakValueDictionary()
 
     def _own(self, material):
-        """A copy of the material, which changes of the caller's arrays do not reach."""
+        """A copy of the material. If the caller changes an array later, the copy keeps its values. A name is returned as it is."""
         if isinstance(material, str):
             return material
         copies = {}
@@ -233,14 +233,15 @@ class Scene:
     def _with_camera(self, settings):
         settings = dict(settings)
         camera = settings.get("camera")
-        # The settings that override those of the camera: of the call, and of the scene if the camera belongs to the scene.
+        # Settings that override the camera's: the settings of the call. If the camera belongs to the scene, the settings of the scene
+        # override it too.
         given = {key: value for key, value in settings.items() if key != "camera" and value is not None}
         overriding = {**{key: value for key, value in self._settings.items() if key != "camera" and value is not None}, **given}
         if camera is None and not any(key in given for key in PLACING):
             camera = self._camera_of_settings()
         if isinstance(camera, str) and camera in self.cameras:
             camera = self.cameras[camera]
-            # This camera was chosen, so another place in the settings of the scene does not count.
+            # This camera was chosen by name, so look_from and look_at in the settings of the scene do not override it.
             overriding = {key: value for key, value in overriding.items() if key in given or key not in PLACING}
         elif camera is None and self.cameras and not any(key in overriding for key in PLACING):
             camera = next(iter(self.cameras.values()))
@@ -261,19 +262,20 @@ class Scene:
         return settings
 
     def _camera_of_settings(self):
-        """The camera that the settings of the scene choose, if the native scene does not know it."""
+        """The name of the camera in the settings of the scene; ``None`` without one, or if the native scene can find it itself."""
         name = self._settings.get("camera")
         return name if isinstance(name, str) and (name in self.cameras or self.path is None and name != "auto") else None
 
     def _built(self):
         native = self._native
         if native is not None:
-            # A progress function must not wait for a thread that waits for the end of the render.
+            # Fails in a progress function of a render of this scene. There, waiting for `_lock` could last forever: another thread may
+            # hold the lock until the render ends.
             native.check_idle()
         with self._lock:
-            return self._built_alone()
+            return self._built_with_lock()
 
-    def _built_alone(self):
+    def _built_with_lock(self):
         if self.path is not None:
             if self._native is None:
                 self._words = self._own_words("load")

@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 
 #: Samples per pixel of the first parts, which show how long a sample takes.
 FIRST_SAMPLES = 4
-#: Parts per worker thread that run or wait at a time. While one runs, the next one waits, so no worker is idle.
+#: Tasks per worker thread that run or are queued at a time. While one runs, the next one is queued, so no worker is idle.
 AHEAD = 2
 #: How often Dask repeats a part that failed.
 RETRIES = 3
 #: The error of an image with fewer iterations is not tested: its estimate is too rough.
 MIN_ITERATIONS = 16
-#: Number of parts after which a black image ends a render that only an error could end.
+#: If only the setting `error` can end a render, it ends after this number of parts if the image is still black.
 BLACK_PARTS = 16
 #: Seconds between two looks for finished parts.
 PATIENCE = 0.02
@@ -55,8 +55,9 @@ SLOW = 2.0
 #: Seconds between two questions to the scheduler how many threads the workers have.
 BETWEEN_COUNTS = 1.0
 
-#: By client: its scenes on the workers; when the threads of its workers were counted, and how many there were.
+#: The scenes of each client on its workers, by the key of the job.
 _on_workers: weakref.WeakKeyDictionary[Any, dict[str, Any]] = weakref.WeakKeyDictionary()
+#: For each client, when the threads of its workers were last counted, and how many there were.
 _threads_of: weakref.WeakKeyDictionary[Any, tuple[float, int]] = weakref.WeakKeyDictionary()
 
 
@@ -88,20 +89,21 @@ def render(
     arguments are settings, as for :func:`taugate.render`. An interrupt raises :class:`Interrupted`, whose ``image`` is the image so far.
 
     If a worker is lost, another one renders its parts. If all others wait for the part of a slow worker, one of them renders it too. A part
-    that fails four times is left out with a warning. If as many parts fail one after the other as run or wait at a time, the render ends:
-    with the image so far and a warning, or with the last exception if there is no image. The sums are added in the order of the iterations,
-    so the image does not depend on which machine was fast. After ``time``, the finished parts behind a slow one are added without it. With
-    ``spp`` and ``sampling="uniform"`` it is the image of :func:`taugate.render`. With adaptive sampling each part adapts by itself.
+    that fails four times is left out with a warning. The render ends if four parts per worker thread fail one after the other: it returns the
+    image so far with a warning. Without an image, it raises an :class:`Error` that quotes the last exception. The sums are added in the order
+    of the iterations, not in the order of arrival. After ``time``, finished parts are added even if an earlier part still runs. With ``spp``
+    and ``sampling="uniform"``, the image is that of :func:`taugate.render`. With adaptive sampling each part adapts by itself, so the image
+    depends on how the render was divided into parts.
 
     ``image.save("x.acc")`` writes the sums, which ``taugate develop`` and ``merge`` read. If the scene is a file, ``render --resume`` goes on. A
     scan, auxiliary layers (``aov``) and ``strict`` are refused.
     """
     job = _Job(scene, settings, spp)
-    fingerprint, of_scene, seconds = _native.check_parts(job.native, job.flags)
+    fingerprint, default_spp, default_seconds = _native.check_parts(job.native, job.flags)
     job.contents = fingerprint or job.key
     time, error = _seconds(time), _share(error)
     if (job.spp, time, error) == (None, None, None):
-        job.spp, time = of_scene, seconds
+        job.spp, time = default_spp, default_seconds
     with watcher(progress) as watch:
         run = _Run(job, client, time, error, float(part_seconds), on_update, watch)
         try:
@@ -146,11 +148,11 @@ def dataset(
     """Renders many images, each on one worker, to files in ``folder``. Yields the path of each file as it is finished.
 
     ``jobs`` is an iterable of ``(name, scene, settings)``, which may be endless or made while the renders run; ``settings`` is a dictionary with
-    the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. Each job writes ``folder/name.npy`` with the
-    files beside it, and an image also ``name.exr``. A name such as ``train/0001`` makes a folder below ``folder``. ``suffix`` is the ending of
-    the file that is yielded: ``.npy``, or ``.exr`` if all results are images. If this file is there already, it is kept, so a data set can be
-    continued: give equal names to equal jobs only. A job with a mistake, or one that fails four times, is left out, and so is a histogram if
-    ``suffix`` is ``.exr``. After all jobs, the first exception is raised.
+    the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. Each job writes ``folder/name.npy`` and the
+    files that :meth:`Image.save` writes beside it. An image is also written as ``name.exr``. A name such as ``train/0001`` makes a folder below
+    ``folder``. ``suffix`` is the ending of the file that is yielded: ``.npy``, or ``.exr`` if all results are images. If this file is there
+    already, it is kept, so a data set can be continued: give equal names to equal jobs only. A job with a mistake, or one that fails four times,
+    is left out, and so is a histogram if ``suffix`` is ``.exr``. After all jobs, the first exception is raised.
     """
     if suffix not in ENDINGS:
         raise SettingsError(f"suffix is {suffix!r}, but must be {' or '.join(map(repr, ENDINGS))}")
@@ -175,7 +177,7 @@ def _dataset(jobs, client, folder, suffix):
                 if not is_finished:
                     job = _Job(scene, settings, None)
                     _prepare(os.path.dirname(path), folders)
-            except Exception as failure:  # of the job, whatever it is
+            except Exception as failure:  # No failed job ends the data set.
                 failures.append(failure)
                 continue
             if is_finished:
@@ -197,7 +199,7 @@ def _dataset(jobs, client, folder, suffix):
         future = next(running)
         try:
             files, found = checked(future.result())
-        except Exception as failure:  # of the job, whatever it is
+        except Exception as failure:  # No failed job ends the data set.
             failures.append(failure)
             continue
         if suffix not in files:
@@ -249,12 +251,12 @@ class _Job:
             with open(path, "rb") as file:
                 contents = file.read()
         self.payload = pickle.dumps((self.scene, contents))
-        #: Fingerprint of the files of the scene and the settings. A worker whose files differ fails.
+        #: Fingerprint of the scene's files and of the files that the settings name. A worker whose files differ fails.
         self.files = self.native.files(self.flags)
         # A worker reads a scene anew if its files have changed.
-        contents = hashlib.sha256(self.payload)
-        contents.update((self.files or "").encode())
-        self.key = contents.hexdigest()
+        digest = hashlib.sha256(self.payload)
+        digest.update((self.files or "").encode())
+        self.key = digest.hexdigest()
         #: What identifies the scene in the sums.
         self.contents = self.key
 
@@ -283,7 +285,7 @@ class _Run:
         self.samples, self.seconds = 0, 0.0
         #: Parts that were added, and how many of the last ones had an error that is small enough.
         self.added, self.confirmed = 0, 0
-        #: First iterations of the parts that came back, and the seconds from sending to arrival of all of them together.
+        #: First iterations of the parts that came back, and the sum of their times from sending to arrival in seconds.
         self.came, self.came_seconds = set(), 0.0
         #: When each part was sent, by its first iteration, and the parts that were sent twice.
         self.sent, self.repeated = {}, set()
@@ -317,7 +319,8 @@ class _Run:
                 self._submit()
 
     def _add(self, future):
-        """Adds a finished part. Returns the first iteration after it."""
+        """Adds a finished part, or leaves it out if it failed. Returns the first iteration after it. If another copy of a failed part
+        still runs, returns the first iteration of the part instead."""
         self.futures.discard(future)
         try:
             contents, dropped = checked(future.result())
@@ -326,7 +329,7 @@ class _Run:
                 self.sums = part
             else:
                 self.sums.merge(part)
-        except Exception as failure:  # of the worker, whatever it is
+        except Exception as failure:  # Any failure of the task, or of adding its sums.
             begin, _ = future.taugate_range
             other = self._copy_of(begin)
             if other is not None and other.done():
@@ -372,12 +375,12 @@ class _Run:
         return self.time is not None and clock.monotonic() - self.started >= self.time
 
     def _is_over(self):
-        # If a whole round fails, so will all parts.
-        if self.failed_together >= self._round():
+        # If so many parts fail one after the other, all will fail.
+        if self.failed_together >= self._max_parts():
             return True
         if self.sums is None:
             return False
-        # An error of a black image is never small.
+        # The relative error of a black image is infinite, so it never ends the render.
         only_error = self.error is not None and self.job.spp is None and self.time is None
         is_black = only_error and self.added >= BLACK_PARTS and self.sums.is_black()
         return self._is_late() or self.confirmed > 1 or is_black
@@ -395,13 +398,13 @@ class _Run:
             return []
         return [f"{self.failed} parts of the render failed and were left out; the last one failed with: {self.failure}"]
 
-    def _round(self):
-        """The most parts that run or wait at a time."""
+    def _max_parts(self):
+        """Maximum number of parts that are submitted and not added: they run, are queued, or wait for an earlier part."""
         return 2 * AHEAD * max(_threads(self.client), 1)
 
     def _submit(self):
         """Keeps all workers busy."""
-        limit = self._round()
+        limit = self._max_parts()
         while self.parts.count() + len(self.waiting) < limit and self.parts.count() < limit // 2:
             if self.job.spp is not None and _native.samples_before_iteration(self.next) >= self.job.spp:
                 break

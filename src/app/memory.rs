@@ -9,16 +9,16 @@ use taugate::internals::settings::Settings;
 
 const GIB: f64 = (1u64 << 30) as f64;
 
-/// What a render makes of the images of several gates, beside their sums.
+/// The data that a render needs in host memory for the images of several gates, besides their sums.
 #[derive(Debug, Clone, Copy)]
-pub struct Made {
+pub struct ImageParts {
     /// Sums of squares, for variances.
     pub variance: bool,
-    /// An image file (.exr).
+    /// The channels of an image file (.exr).
     pub exr: bool,
 }
 
-impl Made {
+impl ImageParts {
     /// Bytes of host memory for the images of `count` gates.
     fn bytes(self, pixels: u64, count: u64) -> u64 {
         let film = ResponseFilm::bytes(pixels, count, self.variance);
@@ -27,14 +27,14 @@ impl Made {
     }
 }
 
-/// Fails if the images of several gates need more memory than was `free` before any of them was in memory. Does nothing if this is not
-/// known.
-pub fn check(settings: &Settings, made: Made, free: Option<u64>) -> Result<()> {
+/// Fails if the images of several gates need more than `free` bytes, the memory that was free before these images existed. Does nothing for
+/// a single gate, or if `free` is `None`.
+pub fn check(settings: &Settings, parts: ImageParts, free: Option<u64>) -> Result<()> {
     let count = settings.responses().len();
     let Some(free) = free.filter(|_| count > 1) else { return Ok(()) };
     let crop = settings.crop();
     let pixels = u64::from(crop.width()) * u64::from(crop.height());
-    let needed = made.bytes(pixels, count as u64);
+    let needed = parts.bytes(pixels, count as u64);
     if needed <= free {
         return Ok(());
     }
@@ -60,7 +60,7 @@ pub fn check_bytes(bytes: u64, free: Option<u64>, what: &str, remedy: &str) -> R
     }
 }
 
-/// Bytes that programs can still allocate, as Linux estimates them. Limits that Slurm or Kubernetes sets count. `None` if the operating
+/// Bytes that programs can still allocate, as Linux estimates them. Limits from Slurm and Kubernetes are included. `None` if the operating
 /// system does not report them.
 pub fn free() -> Option<u64> {
     let of_machine = read("/proc/meminfo").and_then(|table| free_in(&table));
@@ -68,7 +68,7 @@ pub fn free() -> Option<u64> {
     groups.iter().filter_map(|group| group.free()).chain(of_machine).min()
 }
 
-/// As [`free`], after `film` is dropped or used again.
+/// As [`free`], plus the memory of `film`, which the caller will drop or use again.
 pub fn free_without(film: Option<&ResponseFilm>) -> Option<u64> {
     let bytes =
         |film: &ResponseFilm| ResponseFilm::bytes(film.pixels() as u64, film.responses() as u64, film.has_variance());
@@ -114,7 +114,8 @@ fn groups(table: &str) -> Vec<Group> {
         } else {
             return None;
         };
-        // In a container, the path may be one of the host, of which only the root is there.
+        // In a container, the path may be that of the host. The container then has only the root folder, and the other folders cannot
+        // be read.
         let around = Path::new(path.trim_start_matches('/')).ancestors().map(|path| Path::new(root).join(path));
         Some(around.map(|folder| Group { folder, files, cached }).collect::<Vec<_>>())
     };
@@ -139,15 +140,15 @@ mod tests {
     fn images_of_many_gates_need_room_for_their_file_too() {
         let gates: Gates = "5m..8m/30".parse().unwrap();
         let settings = Settings::builder().resolution([100, 100]).responses(gates).build().unwrap();
-        let check = |made: Made, free| check(&settings, made, Some(free)).map_err(|e| e.to_string());
+        let check = |parts: ImageParts, free| check(&settings, parts, Some(free)).map_err(|e| e.to_string());
         // 8 bytes for each sum and each square of 3 channels, and 4 bytes for each mean and variance in the file.
-        for (made, bytes) in [
-            (Made { variance: false, exr: false }, 7_200_000),
-            (Made { variance: true, exr: false }, 14_400_000),
-            (Made { variance: true, exr: true }, 21_600_000),
+        for (parts, bytes) in [
+            (ImageParts { variance: false, exr: false }, 7_200_000),
+            (ImageParts { variance: true, exr: false }, 14_400_000),
+            (ImageParts { variance: true, exr: true }, 21_600_000),
         ] {
-            assert_eq!(check(made, bytes), Ok(()), "{made:?}");
-            assert!(check(made, bytes - 1).unwrap_err().contains("the images of 30 gates"), "{made:?}");
+            assert_eq!(check(parts, bytes), Ok(()), "{parts:?}");
+            assert!(check(parts, bytes - 1).unwrap_err().contains("the images of 30 gates"), "{parts:?}");
         }
     }
 
@@ -155,7 +156,7 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn images_that_will_be_dropped_count_as_free() {
-        // 1.1 GiB, which the system does not provide before they are used.
+        // The film has 1.1 GiB of zeros. The system provides this memory only when the film is used.
         let film = ResponseFilm::new(1 << 20, 48, false);
         let [without, with] = [None, Some(&film)].map(|film| free_without(film).unwrap());
         assert!(with > without + (1 << 29), "{with} {without}");

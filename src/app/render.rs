@@ -178,8 +178,8 @@ impl Session {
         if let (Some(earlier), Some(identity)) = (&earlier, &identity) {
             earlier.check(identity, outputs.has_variance())?;
         }
-        let made = memory::Made { variance: outputs.has_variance(), exr: outputs.exr.is_some() };
-        memory::check(settings, made, free)?;
+        let parts = memory::ImageParts { variance: outputs.has_variance(), exr: outputs.exr.is_some() };
+        memory::check(settings, parts, free)?;
         if outputs.strategy_images.is_some() {
             StrategyImages::check(settings)?;
         }

@@ -40,7 +40,7 @@ use message::Report;
 use signpost::Signpost;
 use stage::Stage;
 
-/// Commands that wait for the engine.
+/// Maximum number of commands that wait for the engine.
 const INBOX: usize = 256;
 /// Time between two checks for an interrupt.
 const POLL: Duration = Duration::from_millis(50);
@@ -52,7 +52,7 @@ const GOODBYE: Duration = Duration::from_secs(1);
 pub struct Answers(mpsc::Sender<Arc<str>>);
 
 impl Answers {
-    /// Sends an answer. Drops it if the page is gone or takes no answers.
+    /// Sends an answer. Drops the answer if the page is gone or its queue is full.
     pub fn send(&self, report: &Report) {
         let _ = self.0.try_send(report.to_json().into());
     }
@@ -100,7 +100,7 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
     let url = url(address, &token);
     super::print(&format!("{url}\n"))?;
     explain(address);
-    // From now on the first interrupt does not end the process, so that it removes the signpost.
+    // From now on, only the second interrupt ends the process at once. After the first, the program removes the signpost and ends.
     interrupts.end_the_process_at(Interrupt::Second);
     let signpost = if open { open_page(&url) } else { None };
 
@@ -108,7 +108,8 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Opens the page at `url` in a browser, by way of a signpost. The browser needs the signpost only for a moment, but nobody says when.
+/// Opens the page at `url` in a browser, by way of a signpost. The program cannot know when the browser has read the signpost. So the
+/// caller keeps the signpost until the program ends.
 fn open_page(url: &str) -> Option<Signpost> {
     let opened = Signpost::to(url).and_then(|signpost| {
         open::that_detached(signpost.path())?;
@@ -182,7 +183,7 @@ impl Drop for OnDrop {
     }
 }
 
-/// Removes the settings that the viewer does not support, and returns their names. Fails for a scan.
+/// Removes the settings that the viewer does not support. Returns their names, except `output`. Fails for a scan.
 fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
     if experiment.scan.is_some() {
         let message = "a scan has no picture to watch; render it with taugate render";
@@ -209,8 +210,8 @@ fn url(address: SocketAddr, token: &str) -> String {
     format!("http://{}/#{token}", reachable(address))
 }
 
-/// An address at which this machine reaches a listener at `address`. It is no name: the browser could take `localhost` for an address
-/// of the other kind, where another user may listen and would get the token.
+/// An address at which this machine reaches a listener at `address`. It is an IP address, because a browser could resolve `localhost`
+/// to the other IP version. Another user may listen there, and a page from there could read the token.
 fn reachable(mut address: SocketAddr) -> SocketAddr {
     if address.ip().is_unspecified() {
         address.set_ip(if address.is_ipv4() { Ipv4Addr::LOCALHOST.into() } else { Ipv6Addr::LOCALHOST.into() });

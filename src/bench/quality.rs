@@ -4,7 +4,7 @@ use crate::compare::metrics::Means;
 
 /// The relMSE of a reference itself must be this many times smaller than the best result that is compared with it.
 pub const MARGIN: f64 = 20.0;
-/// About the relMSE of a black image. Ratios between larger errors say nothing, because the images show less than a black one.
+/// About the relMSE of a black image. Ratios between larger errors say nothing, because both images are worse than a black one.
 pub const BLACK_RELMSE: f64 = 1.0;
 /// Maximum relMSE of a reference itself. Larger values cannot be trusted: if a dark pixel is bright by chance, relMSE divides its
 /// error by this false brightness.
@@ -16,7 +16,7 @@ pub fn is_good(own: f64, relmse: f64) -> bool {
     own <= MAX_REFERENCE_RELMSE && own * MARGIN <= relmse
 }
 
-/// The results that a reference must be accurate enough for.
+/// The results for which a reference must be accurate enough, and the time limit of its render.
 #[derive(Debug, Clone, Copy)]
 pub struct ReferenceTarget {
     /// Time of each variant in the suite, in seconds.

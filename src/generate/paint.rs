@@ -12,8 +12,8 @@ pub fn tiles(size: u32, light: [u8; 3], dark: [u8; 3]) -> Image {
         let field = if (x * 2 / size + y * 2 / size).is_multiple_of(2) { light } else { dark };
         let half = size / 2;
         let joint = x % half == 0 || y % half == 0;
-        let grain = pcg.range(-5.0, 5.0);
-        field.map(|c| f64::from(c) * if joint { 0.6 } else { 1.0 } + grain)
+        let noise = pcg.range(-5.0, 5.0);
+        field.map(|c| f64::from(c) * if joint { 0.6 } else { 1.0 } + noise)
     })
 }
 
@@ -28,8 +28,8 @@ pub fn wood(size: u32, tone: [u8; 3]) -> Image {
         let bend = sin_cos(v * TAU + phase).0 * 0.012;
         let ring = sin_cos((u + bend) * 170.0 + phase).0 * 0.5 + sin_cos((u + 2.0 * bend) * 53.0 + phase).0 * 0.5;
         let gap = if x % (size / 4) == 0 { 0.55 } else { 1.0 };
-        let grain = pcg.range(0.97, 1.03);
-        tone.map(|c| f64::from(c) * shade * gap * grain * (1.0 + 0.1 * ring))
+        let noise = pcg.range(0.97, 1.03);
+        tone.map(|c| f64::from(c) * shade * gap * noise * (1.0 + 0.1 * ring))
     })
 }
 

@@ -1,4 +1,4 @@
-//! A tone-mapped 8-bit picture of a film, for viewing.
+//! 8-bit sRGB pictures for viewing: linear values times an exposure, clamped to [0, 1].
 
 use std::io;
 use std::path::Path;
@@ -62,10 +62,10 @@ pub fn exposure(rgb: &[f32]) -> f32 {
 }
 
 /// The automatic exposure of many images together, of which only one is in memory at a time. `each` calls its argument with every
-/// image. It is called twice.
+/// image. This function calls `each` at most twice.
 pub fn common_exposure(each: impl Fn(&mut dyn FnMut(&[f32])) -> Result<()>) -> Result<f32> {
-    // The bits of positive numbers have the order of the numbers. The first pass counts the upper halves of the bits, and the second
-    // pass counts the lower halves below the upper half of the quantile.
+    // The bits of positive numbers have the order of the numbers. The first pass counts the values by their upper 16 bits, and finds the
+    // upper 16 bits of the quantile. The second pass counts only the values with these upper bits, by their lower 16 bits.
     let mut upper = vec![0; 1 << 16];
     each(&mut |rgb| lit(rgb).for_each(|y| upper[(y.to_bits() >> 16) as usize] += 1))?;
     let count = upper.iter().sum();

@@ -57,10 +57,10 @@ impl PreparedScene {
         Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor, aims })
     }
 
-    /// Follows lights without a surface and cameras that have moved since `scene` was prepared. The rest of `scene` must be as
-    /// before, and `settings` must select the same camera and emitters. Returns false and changes nothing if the scene must be
-    /// prepared again: there are other emitters than before, a light is infinitely far away, or a light or the camera has moved
-    /// so far that the render space changes.
+    /// Updates the emitters after lights without a surface have moved. The camera may have moved too, but `self` keeps the old one: pass
+    /// the new camera to [`Renderer::set_camera`](super::Renderer::set_camera). The rest of `scene` must be as before, and `settings` must
+    /// select the same camera and emitters. Returns false and changes nothing if the scene must be prepared again. This is so if other
+    /// lights emit, if a light is infinitely far away, or if the render space changes.
     pub fn follow(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check()?;
         let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], settings.emitters());
@@ -68,7 +68,8 @@ impl PreparedScene {
     }
 
     /// As [`PreparedScene::follow`], for previews: keeps the render space, so the image has other rounding errors than after a new
-    /// preparation. Returns an upper bound in metres on the motion of the lights; `None` instead of false.
+    /// preparation. Returns an upper bound in metres on the motion of the lights. Returns `None` and changes nothing if other lights emit,
+    /// or if a light is infinitely far away.
     pub fn follow_nearby(&mut self, scene: &Scene, settings: &Settings) -> Result<Option<f64>> {
         scene.check_lights()?;
         let selected = settings.emitters();
@@ -94,8 +95,9 @@ impl PreparedScene {
         Ok(Some(moved * self.space.unit))
     }
 
-    /// As [`PreparedScene::follow`], but surfaces that may move ([`Scene::moving`]) may have moved too. A new renderer is then
-    /// needed. Also returns false, but changes `self`, if nothing emits.
+    /// Updates `self` after surfaces of [`Scene::moving`], lights without a surface, or the camera have moved. The rest of `scene` must be
+    /// as before, and `settings` must select the same camera and emitters. Make a new renderer afterwards. Returns false and changes nothing
+    /// if the render space changes. Also returns false if nothing emits; `self` has changed then.
     pub fn follow_surfaces(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check()?;
         null_boundary::check(scene)?;
@@ -164,8 +166,8 @@ fn sensor(camera: &Camera, settings: &Settings, space: &RenderSpace) -> Box3 {
     Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)))
 }
 
-/// Fails if a selected emitter does not exist. Also fails if a light at infinity is selected in a gated render, where it has no travel
-/// time, or with a medium that fills all space, which lets none of its light through.
+/// Fails if a selected emitter does not exist. Also fails in two cases if a selected light is infinitely far away. In a gated render, its
+/// light has no travel time. In a medium that fills all space, none of its light passes through.
 fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
     let exists = |name: &String| {
         scene.lights.iter().any(|light| light.node == *name) || scene.instances.iter().any(|i| i.node == *name)

@@ -1,4 +1,5 @@
-//! Runs `taugate devices --check`, the command for a user whose graphics card nobody has tested. Needs a device.
+//! Tests `taugate devices --check`, the command for a user whose graphics card nobody has tested. Also tests commands whose device is
+//! lost. Needs a device.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -10,7 +11,7 @@ fn taugate(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).output().expect("taugate starts")
 }
 
-/// `cargo test --release --test cli -- --ignored every_check_is_ok`. A unit test of `self_check` runs the checks of one estimator.
+/// `cargo test --release --test cli -- --ignored every_check_is_ok`. A unit test of `self_check` runs some checks of `lcs`.
 #[test]
 #[ignore = "takes a minute"]
 fn every_check_is_ok_on_this_device() {
@@ -75,7 +76,7 @@ fn a_lost_device_does_not_take_the_image_with_it() {
 }
 
 #[test]
-fn a_lost_device_leaves_the_points_of_a_scan() {
+fn a_lost_device_keeps_the_measured_points_of_a_scan() {
     let folder = crate::folder();
     let here = folder.path();
     assert!(crate::taugate(here, &["generate", "hidden-letter", "-o", "letter.glb"]).status.success());
@@ -93,7 +94,7 @@ fn a_lost_device_leaves_the_points_of_a_scan() {
     );
 }
 
-/// The plot needs travel times, so the error of the device is the result.
+/// The plot needs travel times, which need the device. So `info` fails with the device's error and writes no plot.
 #[test]
 fn a_lost_device_is_the_reason_why_info_has_no_plot() {
     let folder = crate::folder();

@@ -281,10 +281,10 @@ fn images_of_different_gates_are_noted() {
     assert!(notes("c.exr").contains("different crops: one begins at column"));
 }
 
-/// The program fails if it cannot write to stdout, because a result is lost. It goes on if it cannot write messages to stderr.
+/// The program fails if it cannot write to stdout, because a result is lost. An error of stderr does not change the exit code.
 #[test]
 #[cfg(target_os = "linux")]
-fn full_disks_and_closed_terminals_behind_the_streams() {
+fn a_full_stdout_is_an_error_and_a_full_stderr_is_not() {
     let here = folder();
     write_exr(&here.path().join("a.exr"), 4, 4, 1.0);
     let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();

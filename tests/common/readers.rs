@@ -113,8 +113,8 @@ fn image(bytes: &[u8]) {
     load_with(json, bytes);
 }
 
-/// Draco data of a mesh with positions, normals and texture coordinates. The first three bytes are the numbers of vertices
-/// and of corners.
+/// Draco data of a mesh with positions, normals and texture coordinates. The first byte is the number of vertices. The next two
+/// bytes are the number of corners, low byte first.
 fn draco(bytes: &[u8]) {
     let Some((&[count, low, high], bytes)) = bytes.split_first_chunk() else { return };
     let accessor = |shape: &str| json!({ "componentType": 5126, "type": shape, "count": count });
@@ -161,7 +161,7 @@ fn experiment(bytes: &[u8]) {
         let _ = (scan.light(0), scan.camera(0));
     }
     let again = experiment.to_toml();
-    assert!(Experiment::parse(&again).is_ok(), "an experiment is written as\n{again}");
+    assert!(Experiment::parse(&again).is_ok(), "this experiment was written, but cannot be read again:\n{again}");
 }
 
 /// Calls `read` with the path of a temporary file that contains `bytes`. The file is in memory if possible.

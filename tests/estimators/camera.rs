@@ -77,7 +77,7 @@ fn a_camera_that_stays_sees_the_same_bits() {
 }
 
 #[test]
-fn a_moved_camera_sees_what_one_there_sees() {
+fn a_moved_camera_gives_the_image_of_a_new_renderer() {
     let scene = mixed();
     for estimator in [Estimator::Pt, Estimator::Bdpt] {
         let usual = image(&mut renderer(&scene, &short(estimator)));

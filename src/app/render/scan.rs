@@ -53,7 +53,7 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     if experiment.output.tev.is_some() {
         session.say("note: a scan is not shown in tev, because it is no image".into());
     }
-    memory::check(&settings, memory::Made { variance: has_variance, exr: false }, memory::free())?;
+    memory::check(&settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
     memory::check_bytes(
         ScanFilm::bytes(&scan, settings.responses().len(), has_variance),
         memory::free(),

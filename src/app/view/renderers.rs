@@ -82,7 +82,7 @@ impl Renderers {
 
 /// Also estimates the variance of the images of several gates if there is enough memory, as `taugate render` does for image files.
 fn estimate_variance(renderer: &mut Renderer, settings: &Settings) {
-    if memory::check(settings, memory::Made { variance: true, exr: true }, memory::free()).is_ok() {
+    if memory::check(settings, memory::ImageParts { variance: true, exr: true }, memory::free()).is_ok() {
         renderer.estimate_response_variance();
     }
 }

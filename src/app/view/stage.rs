@@ -254,7 +254,7 @@ fn apply(experiment: Experiment, scene: &mut Scene, free: Option<u64>) -> Result
     let mut placed = experiment.clone();
     let notes = scenery::apply(&mut placed, scene)?;
     let resolved = resolve::resolve(&placed, scene)?;
-    memory::check(&resolved.settings, memory::Made { variance: false, exr: false }, free)?;
+    memory::check(&resolved.settings, memory::ImageParts { variance: false, exr: false }, free)?;
     let [width, height] = resolved.settings.resolution().map(u64::from);
     let gates = resolved.settings.responses().len() as u64;
     let bytes = width * height * (PIXEL_BYTES + GATE_BYTES * gates);
