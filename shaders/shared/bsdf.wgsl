@@ -45,8 +45,8 @@ struct BsdfValue {
 
 struct BsdfSample {
     direction: vec3<f32>,
-    // Smooth lobes: f / pdf, without cosines. Delta lobes: reflectance or transmittance (if wl is sampled, times the squared ratio
-    // of the indices) / probability of choosing the lobe.
+    // Smooth lobes: f / pdf, without cosines. Delta lobes: reflectance or transmittance / probability of choosing the lobe. If wl is
+    // sampled, the transmittance contains the squared ratio of the indices.
     weight: vec3<f32>,
     // Density of sampling `direction`, and of sampling the known direction if `direction` were known. Both are 1 for delta lobes.
     pdf: f32,
@@ -56,7 +56,7 @@ struct BsdfSample {
     valid: bool,
 }
 
-// Probabilities of sampling the four lobes. They sum to 1.
+// Probabilities of sampling the four lobes if the retroreflector is not sampled. They sum to 1.
 struct Lobes {
     diffuse: f32,
     gloss: f32,
@@ -103,8 +103,8 @@ fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
         b.clearcoat *= p.coats.clearcoat;
         b.clearcoat_alpha = clearcoat_alpha(m, p.coats.clearcoat_roughness);
     }
-    // A row of the albedo table belongs to one alpha, and the mean albedos of the rows follow the table. Interpolating them gives the
-    // same scale as in a material with constant alpha.
+    // A row of the albedo table belongs to one alpha. The mean albedos of the rows are stored after the table. Interpolating these
+    // means gives the same scale as in a material with constant alpha.
     let row = sqrt(min(p.alpha, 1.0)) * f32(ALBEDO_ROWS - 1u);
     let i = min(u32(row), ALBEDO_ROWS - 2u);
     let mean = albedo_between(ALBEDO_COLUMNS * ALBEDO_ROWS + i, row - f32(i));
@@ -255,7 +255,7 @@ fn add_clearcoat(b: Bsdf, under: BsdfValue, wl: vec3<f32>, wc: vec3<f32>) -> Bsd
     return r;
 }
 
-// `bsdf_eval` for wl and wc on the +z side, without the clear coat.
+// `bsdf_eval` for wl and wc on the +z side, without the clear coat and the retroreflector.
 fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r: BsdfValue;
     if (!HAS_GLOSSY) {
@@ -292,7 +292,8 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     return r;
 }
 
-// `bsdf_eval` for wl and wc on opposite sides, without the clear coat: rough refraction (Walter et al. 2007, Eqs. 16, 17 and 21).
+// `bsdf_eval` for wl and wc on opposite sides, without the clear coat and the retroreflector: rough refraction (Walter et al. 2007,
+// Eqs. 16, 17 and 21).
 fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
     let eta_l = select(b.eta_below, b.eta_above, wl.z > 0.0);
@@ -322,7 +323,7 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     r.f = glass * b.base * (abs(l_h * c_h / (wl.z * wc.z)) * eta_c * eta_c * shape);
     let from_sensor = lobe_probabilities(b, abs(wc.z));
     let from_light = lobe_probabilities(b, abs(wl.z));
-    // `ggx_visible_pdf` needs w.z > 0. For a direction below the surface, w and the normal on its side (-h) are both negated.
+    // `ggx_visible_pdf` needs w.z > 0. Below the surface, w sees the normal -h. Negating both gives -w and h, with the same density.
     let up_c = select(-wc, wc, wc.z > 0.0);
     let up_l = select(-wl, wl, wl.z > 0.0);
     r.pdf_to_light = from_sensor.glass * (1.0 - reflectance) * ggx_visible_pdf(up_c, h, b.alpha)

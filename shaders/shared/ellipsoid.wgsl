@@ -39,7 +39,7 @@ fn normal_to_sphere(e: Ellipsoid, n: vec3<f32>) -> vec3<f32> {
 }
 
 // sqrt(length^2 - |P(q - v)|^2) / (|x - v| |x - q|) for the point x with unit normal n: see above. w1, r1: unit direction and distance to
-// v; w2, r2: to q. Written as a sum of positive terms, so that no digits cancel.
+// v; w2, r2: to q. The code adds two terms that are not negative, because the difference under the root would lose digits.
 fn inverse_stretch(n: vec3<f32>, w1: vec3<f32>, r1: f32, w2: vec3<f32>, r2: f32) -> f32 {
     let c1 = dot(n, w1);
     let c2 = dot(n, w2);
@@ -85,7 +85,7 @@ fn half_circle(a: vec2<f32>, b: vec2<f32>) -> HalfCircle {
     let half = along * sqrt(reach2);
     let first = angle_of(foot - half);
     let second = angle_of(foot + half);
-    // Counterclockwise, the left side lies between `second` and `first`.
+    // The part on the left runs counterclockwise from `second` to `first`.
     return HalfCircle(in_order(vec2<f32>(first, second)), second < first);
 }
 
@@ -113,7 +113,7 @@ fn arc_ends(ab: vec2<f32>, bc: vec2<f32>, ca: vec2<f32>) -> array<f32, 8> {
     let four = vec4<f32>(low.x, mid.x, mid.y, high.y);
     let p = four_and(four, ca.x);
     let p4 = max(four.w, ca.x);
-    // The five values p.x to p4 and ca.y.
+    // Inserts ca.y into the five values p.x, p.y, p.z, p.w and p4.
     let q0 = min(p.x, ca.y);
     let r0 = max(p.x, ca.y);
     let q1 = min(p.y, r0);
@@ -125,7 +125,7 @@ fn arc_ends(ab: vec2<f32>, bc: vec2<f32>, ca: vec2<f32>) -> array<f32, 8> {
     return array<f32, 8>(-PI, q0, q1, q2, q3, min(p4, r3), max(p4, r3), PI);
 }
 
-// The four smallest of five values in ascending order: y and the components of x, which are in ascending order.
+// The four smallest values, in ascending order, of y and the components of x. The components of x must be in ascending order.
 fn four_and(x: vec4<f32>, y: f32) -> vec4<f32> {
     let r0 = max(x.x, y);
     let r1 = max(x.y, r0);

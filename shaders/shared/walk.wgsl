@@ -14,7 +14,8 @@ struct Arrival {
     vertex: PathVertex,
     // Factor by which the flight through media changed the throughput, in the channel where it is largest; 1 without media.
     carried: f32,
-    // Sensor subpaths: the segment that was traced. Also set if the ray left the scene.
+    // Sensor subpaths: the segment that was traced, also if the ray left the scene. Its `limit` is 0 if the scene has no media, or if
+    // the ray runs in a solid without a medium.
     segment: FogSegment,
 }
 
@@ -58,8 +59,8 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: 
     return a;
 }
 
-// Sets eta and the solid of the ray of `state`, which hits `surface`. If the surface transmits light, the side that was hit
-// determines both, so subpaths from either end of a segment find the same values. Returns the code of the solid.
+// Sets eta and the solid of the ray of `state` if the `surface` that it hits transmits light; otherwise both stay. The side that was
+// hit determines both, so subpaths from either end of a segment find the same values. Returns the code of the solid.
 fn find_solid(state: ptr<function, PathState>, surface: Surface) -> u32 {
     if (!(HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0)) {
         return path_solid(*state);
@@ -120,7 +121,8 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     return v;
 }
 
-// Adds to v the MIS sum of the ellipsoidal connections whose auxiliary vertex is `before`, the vertex before v on its subpath.
+// Stores in v the sum that `auxiliary_sum` reads: the MIS sum of the ellipsoidal connections whose auxiliary vertex is `before`, the
+// vertex before v on its subpath.
 fn add_auxiliary_sum(v: ptr<function, PathVertex>, before: PathVertex) {
     let sum = sum_over_auxiliary(before, -(*v).to_previous, previous_distance(*v));
     (*v).selection_cdf = bitcast<u32>(min(min(sum, MAX_SUM) * (*v).d_vcm, MAX_SUM));

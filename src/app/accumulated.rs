@@ -76,7 +76,7 @@ pub fn picture(path: &Path) -> Result<Picture> {
     })
 }
 
-/// The images of all responses, and their gates.
+/// The images of all responses, and a description of each response.
 pub fn array(path: &Path) -> Result<(ImageArray, Vec<DescribedResponse>)> {
     let Accumulation { about, film, responses: many, .. } = read(path)?;
     let (width, height) = (film.width() as usize, film.height() as usize);

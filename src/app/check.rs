@@ -8,7 +8,7 @@ use taugate::internals::self_check::{self, Verdict};
 
 /// Exit code if a check ended without an image, the same as for any other error of a device.
 const DEVICE_FAILED: u8 = 4;
-/// Exit code if an image is wrong.
+/// Exit code if an image is wrong, and no check ended without an image.
 const WRONG: u8 = 1;
 
 pub fn run(device: Option<&str>) -> anyhow::Result<ExitCode> {

@@ -8,7 +8,7 @@ use super::summary::Point;
 use crate::error::{Error, Result};
 
 const SIZE: (u32, u32) = (720, 440);
-/// Colour-blind readers can distinguish these colours, also in print (Okabe and Ito).
+/// Colour-blind readers can distinguish the colours of Okabe and Ito, also in print. A grey replaces their yellow.
 pub const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -84,7 +84,7 @@ fn draw(
     Ok(())
 }
 
-/// A label such as 0.02, 5 or 1e-5. Only ticks at 1, 2 and 5 have labels; more labels would overlap.
+/// A label such as 0.02, 5 or 1e-5. Only ticks with the first digit 1, 2 or 5 have labels; more labels would overlap.
 fn label(value: &f64) -> String {
     let text = format!("{value:.0e}");
     match text.as_bytes().first() {

@@ -17,7 +17,7 @@ pub fn fit_power_law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Pow
     let n = logs.len() as f64;
     let (x, y) = logs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
     let (xy, xx) = logs.iter().fold((0.0, 0.0), |(a, b), (u, v)| (a + (u - x) * (v - y), b + (u - x).powi(2)));
-    // Rounding can make equal x differ.
+    // If all x are equal, rounding of their mean can leave a small positive xx.
     if xx < 1e-12 {
         return None;
     }

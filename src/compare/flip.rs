@@ -41,9 +41,9 @@ impl Flip {
 
 /// HDR-FLIP of linear R, G, B images (interleaved, finite, of the same size, at least one pixel). Negative values count as 0.
 ///
-/// The exposures depend only on the reference. The first shows its brightest pixel, the last its median. A median below 2^-23 of
-/// the brightest pixel is raised to that value, because gated images may have any brightness; the published program uses 2^-23
-/// itself.
+/// The exposures depend only on the reference. The first maps its largest luminance to 0.85 of white, the last its median. A median
+/// below 2^-23 of the largest luminance is raised to that value, because gated images may have any brightness; the published
+/// program uses 2^-23 itself.
 pub fn hdr(image: &[f32], reference: &[f32], width: usize) -> Flip {
     assert_eq!(image.len(), reference.len(), "images are compared at the same size");
     let exposures = exposures(reference);

@@ -17,12 +17,13 @@ pub struct Motion {
 }
 
 /// The bytes of the file. Its nodes are the instances, then the cameras, then the lights, each in the scene's order. Images
-/// become PNG. All textures use TEXCOORD_0. Numbers are rounded to f32. Panics for a sky and for an aimed camera.
+/// become PNG. All textures use TEXCOORD_0. Numbers except the principal point are rounded to f32. Panics for a sky and for an
+/// aimed camera.
 pub fn write(scene: &Scene) -> Vec<u8> {
     write_moving(scene, None)
 }
 
-/// As [`write`], with a motion. The instances that move have no rotation and no scale.
+/// As [`write`], with a motion. Instances that move must have no scale, because glTF forbids a matrix on animated nodes.
 pub fn write_moving(scene: &Scene, motion: Option<&Motion>) -> Vec<u8> {
     let mut file = File::default();
     let meshes: Vec<Value> = scene.meshes.iter().map(|m| file.mesh(m)).collect();

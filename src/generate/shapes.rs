@@ -130,7 +130,8 @@ pub fn lathe(profile: &[[f64; 2]], segments: u32) -> Mesh {
     mesh
 }
 
-/// Outward (radial, y) normals of a profile: the mean over the adjoining segments; at creases and ends there is only one.
+/// Outward (radial, y) normals of a profile, not normalised. Each is the sum of the normals of the adjoining segments. At creases and
+/// ends there is only one such segment.
 fn profile_normals(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let segment = |i: usize, j: usize| {
         let (dr, dy) = (profile[j][0] - profile[i][0], profile[j][1] - profile[i][1]);

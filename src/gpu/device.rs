@@ -34,13 +34,14 @@ impl Device {
     }
 
     /// Opens the device that `selector` gives by its number in [`Device::list`] or by a part of its name (upper and lower case
-    /// are the same). Without a selector, opens the first usable device of the preferred [`DeviceKind`]: a discrete card before
-    /// an integrated one, software last. Fails if no device matches, or if the device is unusable.
+    /// are the same). Without a selector, opens the first usable device of the preferred [`DeviceKind`](super::DeviceKind): a
+    /// discrete card before an integrated one, then software. Devices with [`DeviceInfo::is_incomplete`] come last. Fails if no
+    /// device matches, or if the device is unusable.
     pub fn open(selector: Option<&str>) -> Result<Device> {
         Device::open_with_drive(selector, None)
     }
 
-    /// As [`Device::open`], but the host drives the device as `drive` says. `None`: as the device's memory suggests.
+    /// As [`Device::open`], but the host drives the device as `drive` says. `None`: as `DeviceInfo::drive` says.
     #[doc(hidden)]
     pub fn open_with_drive(selector: Option<&str>, drive: Option<Drive>) -> Result<Device> {
         let instance = Instance::open()?;
@@ -48,7 +49,7 @@ impl Device {
         let index = choose(&infos, selector)?;
         let info = DeviceInfo { drive: drive.unwrap_or(infos[index].drive), ..infos[index].clone() };
         let opened = open_physical(instance, physical[index], info);
-        // A user who chose the device knows about the others.
+        // The error advises another device, but not if the user chose this one or if there is no other.
         if selector.is_some() || infos.len() == 1 {
             return opened;
         }

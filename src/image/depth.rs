@@ -11,12 +11,13 @@ pub struct Echo {
     /// Amplitude of the modulation, as radiance. It is the radiance of all light that arrives if this light has one travel time, and
     /// less otherwise.
     pub amplitude: f32,
-    /// One-way distance in metres, 0 to half a period. Farther surfaces seem nearer by multiples of half a period. NaN if no light
-    /// arrives.
+    /// One-way distance in metres, 0 to half a period. Farther surfaces seem nearer by multiples of half a period. NaN if the
+    /// amplitude is 0, for example because no light arrives.
     pub depth: f32,
 }
 
-/// The echo of four images I_k with the weights (1 + cos(2 pi tau / `period` + k pi / 2)) / 2, in metres of optical path.
+/// The echo of four images I_k. The weight of image k is (1 + cos(2 pi tau / `period` + k pi / 2)) / 2. The travel time tau and
+/// `period` are in metres of optical path.
 pub fn echo(images: [f64; 4], period: f64) -> Echo {
     let [i0, i1, i2, i3] = images;
     let (sine, cosine) = (i3 - i1, i0 - i2);
@@ -42,7 +43,7 @@ pub fn unwrapped(depths: [f32; 2], megahertz: [f64; 2]) -> f32 {
     let at = |i: usize, n: i64| f64::from(depths[i]) + n as f64 * half[i];
     let mut best = (f64::INFINITY, 0.0f64);
     for n in 0..i64::from(turns[0]) {
-        // The nearest depth that the other frequency allows, from one turn before to one turn after the common distance.
+        // The nearest depth that the other frequency allows, from one turn before 0 to one turn after the common distance.
         let near = ((at(0, n) - at(1, 0)) / half[1]).round().clamp(-1.0, f64::from(turns[1])) as i64;
         let difference = (at(0, n) - at(1, near)).abs();
         if difference < best.0 {
@@ -50,7 +51,7 @@ pub fn unwrapped(depths: [f32; 2], megahertz: [f64; 2]) -> f32 {
             best = (difference, (a * at(0, n) + b * at(1, near)) / (a + b));
         }
     }
-    // With more turns than are tried, the common distance is not reached.
+    // A common distance of `MAX_TURNS` turns or more counts as unknown, so the depth is not reduced modulo this distance.
     let is_common = turns.iter().all(|&n| f64::from(n) < MAX_TURNS);
     let depth = if is_common { best.1.rem_euclid(half[0] * f64::from(turns[0])) } else { best.1.max(0.0) };
     depth as f32
@@ -84,7 +85,8 @@ pub fn echoes(film: &ResponseFilm, frequencies: &Frequencies, index: usize) -> V
         .collect()
 }
 
-/// The depth images of all frequencies and, for two frequencies, the unwrapped depth: names of layers and one value per pixel.
+/// Phase, amplitude and depth of each frequency and, for two frequencies, the unwrapped depth. Each plane has a name and one value
+/// per pixel. The last plane is the best depth: `write_depths` relies on this order.
 pub fn planes(film: &ResponseFilm, frequencies: &Frequencies) -> Vec<(String, Vec<f32>)> {
     let all: Vec<Vec<Echo>> = (0..frequencies.megahertz().len()).map(|i| echoes(film, frequencies, i)).collect();
     let mut planes = vec![];

@@ -41,7 +41,7 @@ shared_constants! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Features {
     pub textures: bool,
-    /// Whether any property except the base colour varies over a surface.
+    /// Whether metalness, roughness, a coat or the transmission varies over a surface.
     pub surface_textures: bool,
     /// Whether the dielectric coat or the clear coat vary over a surface.
     pub coat_textures: bool,

@@ -1,9 +1,9 @@
 //! Number of samples per pixel in each iteration. Short iterations give more batches to estimate the variance from; long
 //! iterations share the cost of the light paths among more samples.
 //!
-//! The length of an iteration depends on its index alone. So a longer render begins with the same bits as a shorter one. A
-//! render with a budget of seconds begins with the same bits as one with a budget of samples. `docs/notebook/schedule.md`
-//! compares lengths.
+//! Except in scans, the length of an iteration depends on its index alone; only the last iteration may be shorter. So a longer
+//! render begins with the same bits as a shorter one. A render with a budget of seconds begins with the same bits as one with a
+//! budget of samples. `docs/notebook/schedule.md` compares lengths.
 
 use std::time::Duration;
 
@@ -91,11 +91,11 @@ fn samples_after(budget: &Budget, samples: u32, iterations: u32, done: u64, elap
     }
 }
 
-/// Samples of all points together in an iteration of a scan. So many samples share the cost of the light subpaths.
+/// Target for the samples of all points together in an iteration of a scan. These samples share the cost of the light subpaths.
 const SCAN_SAMPLES: u32 = 4096;
 
-/// As [`next_samples`], for a scan with `points` sensor points. All iterations have the same length, short enough that a budget of
-/// samples has four iterations.
+/// As [`next_samples`], for a scan with `points` sensor points. All iterations except the last have the same length. A budget of
+/// samples limits this length to a quarter of the budget, rounded up. With a budget of seconds, the first two iterations always run.
 pub fn scan_samples(budget: &Budget, points: u32, done: u64, elapsed: Duration) -> u32 {
     let samples = (SCAN_SAMPLES / points).clamp(2, MAX_AIMED_SAMPLES);
     match *budget {

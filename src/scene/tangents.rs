@@ -8,7 +8,7 @@ use super::Mesh;
 use super::check::{check_arrays, in_the_scene};
 use crate::error::Result;
 
-/// MikkTSpace needs stack space for each triangle around a vertex.
+/// Maximum number of triangles that may share a vertex: MikkTSpace needs stack space for each of them.
 const MAX_SHARED: u64 = 4096;
 
 impl Mesh {
@@ -28,7 +28,7 @@ impl Mesh {
         Ok(())
     }
 
-    /// As [`Mesh::add_tangents`], for a mesh with valid arrays and [`Mesh::tangent_work`].
+    /// As [`Mesh::add_tangents`], without its checks: the arrays must be valid, and [`Mesh::tangent_work`] must not be `None`.
     pub(super) fn compute_tangents(&mut self) {
         if self.uvs.is_empty() {
             return;

@@ -23,7 +23,8 @@ use crate::app::rescue::Rescue;
 /// Time limit of a reference without --reference-time, as a multiple of the suite's time.
 const TIME_LIMIT_FACTOR: f64 = 40.0;
 
-/// Renders every missing reference of the suite, and extends those that are not accurate enough for the results so far.
+/// Renders every missing reference of the suite. Extends or replaces each reference that is not accurate enough for the results, or that
+/// another version of the renderer rendered. With --reference-time, extends all references.
 pub fn make(
     bench: &Bench,
     args: &BenchArgs,
@@ -66,7 +67,7 @@ pub fn make(
             match reference::make(device, &job, &prepared, &sharing, target, &path, &mut watch)? {
                 None => {
                     progress.line(&format!(
-                        "interrupted: {} of work on the reference of {} are lost; a run with a shorter --reference-time writes what it \
+                        "interrupted: {} of work on the reference of {} is lost; a run with a shorter --reference-time writes what it \
                          has, and the next run extends it",
                         duration(started.elapsed().as_secs_f64()),
                         scene.name
@@ -97,8 +98,8 @@ fn distinct(entries: &[Entry]) -> Vec<&str> {
     names
 }
 
-/// The smallest relMSE that this version of the renderer reached against this reference, with any time of the suite. `None`
-/// without results.
+/// The smallest relMSE that this version of the renderer reached against this reference, with any time per render and on any
+/// device. Refused results count too. `None` without results.
 fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Option<Means>> {
     let mut rows = vec![];
     for path in [bench.results(), bench.refused()].iter().filter(|path| path.exists()) {

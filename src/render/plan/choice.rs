@@ -7,12 +7,13 @@ use crate::scene::Scene;
 use crate::settings::units::Gate;
 use crate::settings::{Estimator, Responses, Settings, Strategies, UseEllipsoids};
 
-/// With several responses, the estimator's record for histograms is used if their support is longer than this fraction of the
-/// scene's diagonal. A shorter support misses most light vertices; queries find the rest.
+/// The estimator's record for histograms is used if the support, without its hole, is longer than this fraction of the scene's
+/// diagonal. A single box ([`Responses::is_single_box`]) never uses this record. Most light vertices miss a shorter support; queries
+/// find the others.
 const HISTOGRAM_WIDTH: f64 = 0.1;
 
-/// Gates that are narrower than this fraction of the scene's diagonal, and of their own end, have ellipsoidal connections, if the estimator has a record for
-/// thin gates (docs/notebook/ellipsoids-by-importance.md).
+/// With `--ellipsoids auto`, a gate has ellipsoidal connections if it is narrower than this fraction of the scene's diagonal, and of
+/// its own end. The estimator must have a record for thin gates (docs/notebook/ellipsoids-by-importance.md).
 const THIN_GATE: f64 = 0.0004;
 
 /// The conditions, besides the responses, that decide which record of an estimator a render uses.
@@ -25,7 +26,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Fails if ellipsoidal connections are wanted in a scene that cannot have them.
+    /// Fails if `--ellipsoids on` meets participating media, or responses that need the record for histograms.
     pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Choice> {
         let has_media = !prepared.media.list.is_empty();
         let ellipsoids = match settings.ellipsoids() {
@@ -62,20 +63,20 @@ impl Choice {
         special.unwrap_or(record)
     }
 
-    /// Whether nearly every light vertex meets some of these responses, and the estimator has a record for that.
+    /// Whether the estimator has a record for histograms, and these responses are wide enough for it (see `HISTOGRAM_WIDTH`).
     pub fn is_histogram(&self, responses: &Responses) -> bool {
         let has_record = self.estimator.record().for_histograms.is_some();
         has_record && !responses.is_single_box() && lit_length(responses) > HISTOGRAM_WIDTH * self.diagonal
     }
 }
 
-/// Total length in metres of the intervals of travel time that count for some response.
+/// Length in metres of the support without its hole ([`Responses::hole`]).
 fn lit_length(responses: &Responses) -> f64 {
     length(responses.support()) - responses.hole().map_or(0.0, length)
 }
 
-/// Whether a gate is thin in a scene of this diagonal. Light that ends in the gate has travelled no further than its end, except in
-/// scans that leave out the first or last way. So objects beyond that, such as a distant backdrop, make no gate thin.
+/// Whether a gate is thin in a scene of this diagonal. Light in the gate has travelled at most `gate.hi`, except in scans whose travel
+/// times leave out the first or last segment. So objects beyond `gate.hi`, such as a distant backdrop, do not make a gate thin.
 fn is_thin(gate: Gate, diagonal: f64) -> bool {
     length(gate) < THIN_GATE * diagonal.min(gate.hi)
 }

@@ -1,7 +1,8 @@
 //! Finds JPEG images with which the decoder `zune-jpeg` 0.5 panics.
 
-/// True if a colour channel of this JPEG image has more samples than the first channel, in a row or in a column. `zune-jpeg` then
-/// computes the length of rows from the earlier channels, and writes beyond the end of its buffers. No program saves such images.
+/// True if a colour channel of this JPEG image has more samples than the first channel, in a row or in a column. `zune-jpeg` computes
+/// the rows of a channel from the sampling factors up to this channel, without those of later channels. So its buffers have wrong
+/// sizes here, and a write beyond their end panics. No program saves such images.
 ///
 /// The decoder skips bytes between markers. So this function looks for a frame header everywhere, not only where one should be.
 pub fn samples_colour_finer(bytes: &[u8]) -> bool {
