@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Renders the pictures of README into the folder of this script:
+# Renders the pictures of README and GUIDE into the folder of this script:
 #
 #     cargo build --release
 #     docs/pictures/make.sh [SECONDS [RACE_SECONDS]]
@@ -57,6 +57,17 @@ if [ "$seconds" != 0 ]; then
     "$python" "$root/examples/hidden_letter.py" "$work/letter.npy" "$pictures/letter.png"
 fi
 sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.##.exr" --gif "$pictures/street.gif"
+
+# A contact sheet of the files of other programs in tests/data/gltf.
+if [ "$seconds" != 0 ]; then
+    mkdir -p "$work/corpus"
+    for file in "$root"/tests/data/gltf/*.gl[bt]*; do
+        name=$(basename "${file%.*}")
+        "$taugate" render "$file" --camera auto --headlamp --resolution 160x120 --spp 256 --estimator pt --quiet \
+            -o "$work/corpus/$name.exr" --png "$work/corpus/$name.png"
+    done
+    "$python" "$pictures/sheet.py" "$pictures/corpus.png" 6 "$work"/corpus/*.png
+fi
 
 # The page of the viewer, in the browser of the tests. A palette makes the files small.
 if [ "$seconds" != 0 ]; then

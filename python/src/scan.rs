@@ -60,7 +60,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let scan = table.scan().map_err(mistake)?;
     let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
     let has_variance = experiment.output.variance.unwrap_or(false);
-    memory::check(&settings, memory::Made { variance: has_variance, exr: false }, memory::free())?;
+    memory::check(&settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
     let bytes = ScanFilm::bytes(&scan, settings.responses().len(), has_variance);
     memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")?;
 

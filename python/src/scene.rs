@@ -220,7 +220,7 @@ impl NativeScene {
         let Job { experiment, scene, resolved, printed, .. } = state.job(flags)?;
         let settings = &resolved.settings;
         let has_variance = settings.responses().len() > 1 && experiment.output.variance.unwrap_or(false);
-        memory::check(settings, memory::Made { variance: has_variance, exr: false }, memory::free())?;
+        memory::check(settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
         let before = state.ready.take();
         let result = engine::prepare(before, scene, &experiment, settings, has_variance).and_then(
             |Prepared { mut ready, .. }| {
