@@ -14,7 +14,7 @@
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
 @group(2) @binding(4) var<storage, read> candidates: array<Candidate>;
 // xyz: contribution of a candidate to its pixel. w: travel time; 0 for light from the sky. With OBSERVE_STRATEGIES, w is the MIS
-// weight, and xyz is not multiplied by it. In both cases w is -1 if no ray was traced.
+// weight, and xyz is not multiplied by it. In both cases w is NOT_TRACED if no ray was traced.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
 // epc only: the triangle chosen for each entry of `slot_list` (ellipsoid_triangles.wgsl).
 @group(2) @binding(6) var<storage, read> choices: array<TriangleChoice>;

@@ -5,9 +5,10 @@
 // lcs-paper: K independent traversals of each tree. At every node, one of the two children is taken with a probability
 //            proportional to its bound B(N, q) (Eq. 5). The bound is 0 if the child lies outside the light-cone shell
 //            (Eq. 19). Otherwise it shrinks with the part of the child that the shell misses (Eqs. 22 to 24). The traversal
-//            ends at a leaf, where P(j | q) is the product of the probabilities, or at a dead node: both bounds are 0.
-// lcs for histograms (ESTIMATOR_LCS_BY_TIME): all vertices whose travel time allows them to meet the gate are sorted by travel
-//            time. K evenly spaced vertices of this list are chosen.
+//            ends at a dead node, where both bounds are 0, or at a leaf, where one vertex is taken uniformly. P(j | q) is the
+//            product of all these probabilities.
+// lcs for histograms (ESTIMATOR_LCS_BY_TIME): the pool is sorted by travel time. K evenly spaced vertices are chosen from the
+//            part of the pool whose travel times allow them to meet the gate.
 // epc:       as bdpt. If the connection is too short for the gate, the candidate stands for an ellipsoidal connection.
 // All:       deterministic vertices (punctual lights, the spot of a thin beam) one by one. If there are many, some of them
 //            are drawn, or the trees hold them.

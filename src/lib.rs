@@ -3,7 +3,8 @@
 //!
 //! A [`Scene`] is built from arrays or, with [`load_scene`], read from a glTF file. [`Settings`] choose camera, gate and
 //! estimator. A [`Renderer`] adds iterations to a [`Film`] on a Vulkan [`Device`]; [`Renderer::render`] runs as many as
-//! `taugate render` does. [`write_exr`] writes the images, and [`compare`] measures the error against a reference. A complete program, `examples/render_gate.rs`:
+//! `taugate render` does. [`write_exr`] writes the images, and [`compare`] measures the error against a reference. A complete
+//! program, `examples/render_gate.rs`:
 //!
 //! ```no_run
 #![doc = include_str!("../examples/render_gate.rs")]

@@ -33,7 +33,7 @@ struct Emission {
     // Surfaces: density per area of the point, probability of selecting the emitter included. Sky: density per solid angle of
     // `direction`. Otherwise unused.
     density: f32,
-    // The triangle that emits; NONE for punctual lights and beams.
+    // The triangle that emits; NONE for all other emitters.
     triangle: u32,
     beam: bool,
     // See PATH_PARALLEL.

@@ -48,7 +48,8 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     let along = dot(w, v.position - x);
     let a = interval.x - along;
     let b = interval.y - along;
-    // If v is at the start of the segment, events lie as near to v as the height is large. Their squared distances must not underflow.
+    // Equiangular events lie about as far from v as the height. The lower limit keeps the squares of these distances from underflowing,
+    // for example if v is at the start of the segment.
     let height = max(length(v.position - x - along * w), max(1e-6 * max(abs(along), interval.x), 1e-8));
     let angle = angle_of(vec2<f32>(height * height + a * b, height * (b - a)));
     let rate = max(mean_extinction(stretch_at(x, w, interval.x).medium), 1e-3 / (b - a));

@@ -53,7 +53,8 @@ struct Frame {
     crop_height: u32,
     // Number of the first sample of every pixel in this iteration. Numbers count over the whole render, so no pixel uses one twice.
     first_sample: u32,
-    // Number of emitter points in the pool; they follow the deterministic vertices.
+    // pt: number of emitter points in the pool. Estimators with trees: number of vertices of the 3D tree, 0 if there is none. In both
+    // cases, these vertices follow the deterministic ones.
     emitter_points: u32,
     // Candidate slots per shade point.
     slots: u32,
@@ -64,7 +65,8 @@ struct Frame {
     // Stored light subpaths over all light subpaths. Throughputs are normalised for the stored subpaths alone, so the splats
     // of all subpaths are multiplied by this share.
     splat_share: f32,
-    // Participating media outside of solids; where they overlap, the last one counts. Media inside of solids follow in `media`.
+    // Number of media that fill boxes, grids or all space; where they overlap, the last one counts. Media inside of meshes follow in
+    // `media`.
     media_count: u32,
     // From the centre of the film to the principal point, the point where the camera axis meets the film. In pixels, y down.
     principal_offset: vec2<f32>,
@@ -73,8 +75,8 @@ struct Frame {
     hole_hi: f32,
     // Ellipsoidal connections form only paths whose detour over the auxiliary vertex is at least this long. 3e38 if the gate is open.
     min_detour: f32,
-    // Factor of the density of auxiliary vertices in MIS weights: 1 / (gate width * MEAN_ARC), times the number of samples that an
-    // ellipsoidal connection counts for (auxiliary.wgsl).
+    // Factor of the density of auxiliary vertices in MIS weights: group index / (gate width * MEAN_ARC), times the number of samples
+    // that an ellipsoidal connection counts for (auxiliary.wgsl).
     auxiliary_density: f32,
     // Number of light vertices in the pool; 0 if the estimator builds no trees.
     vertex_count: u32,
@@ -141,7 +143,7 @@ override HAS_MEDIA: bool = true;
 // Index of refraction and group index outside of transmitting solids. The travel time there is the group index times the length.
 override SURROUNDING_IOR: f32 = 1.0;
 override SURROUNDING_GROUP_INDEX: f32 = 1.0;
-// Whether transmitting solids contain other media than the space around them, or none (solid.wgsl).
+// Whether paths carry the code of the solid that they are in, because its medium may differ from the surroundings (solid.wgsl).
 override HAS_INTERIORS: bool = true;
 // Whether meshes bound media without bending light (boundary.wgsl).
 override HAS_NULL_BOUNDARIES: bool = true;

@@ -18,8 +18,8 @@ const MIN_SHARE: f32 = 1.0 / 1024.0;
 const UNIFORM_STEP: f32 = 1.0 / 16777216.0;
 
 // Share of the queries that choose by power alone among the children that are not pruned. Errors of the importance multiply
-// from level to level. A vertex with a far too small importance is still found with this fraction of its share of the power,
-// so that it does not become far too bright.
+// from level to level. The probability of a leaf is still at least about this fraction of its share of the power. So vertices
+// with a far too small importance do not become far too bright.
 const POWER_PROBABILITY: f32 = 1.0 / 16.0;
 
 struct Frontier {
@@ -62,8 +62,8 @@ fn remap_uniform(u: f32, start: f32, part: f32, rng: ptr<function, u32>) -> f32 
     return select(stretched, min(fresh, 1.0 - UNIFORM_STEP), part < 1.0 / 256.0);
 }
 
-// Power (x) and importance (y) in one word, without the lower half of their digits. This halves the private array, which is slow.
-// Rounding causes no bias, because P contains the weights as they are stored.
+// Power (x) and importance (y) in one word: the upper 16 bits of each float. This halves the private array, which is slow.
+// The lost digits cause no bias, because P contains the weights as they are stored.
 fn pack_weights(weights: vec2<f32>) -> u32 {
     let words = bitcast<vec2<u32>>(weights);
     return (words.x & 0xffff0000u) | (words.y >> 16u);
@@ -81,13 +81,13 @@ fn push_subtree(f: ptr<function, Frontier>, node: u32, weights: u32) {
     (*f).count += 1u;
 }
 
-// Power and importance of the subtree with the given number, from 0 in the order of the ring.
+// Power (with `min_power`) and importance of the subtree with the given number, from 0 in the order of the ring.
 fn subtree_weights(f: ptr<function, Frontier>, number: u32) -> vec2<f32> {
     return unpack_weights((*f).weights[((*f).first + number) % MAX_SUBTREES]) + vec2<f32>((*f).min_power, 0.0);
 }
 
-// Opens subtrees breadth first from `root` on until there are enough, and leaves out subtrees with importance 0. The frontier
-// is empty if no vertex can contribute. If the root is a leaf, this leaf is the frontier.
+// Opens subtrees breadth first from `root` on until there are enough, and leaves out subtrees with importance 0. If the
+// frontier is empty, no vertex can contribute. If the root is a leaf, this leaf is the frontier.
 fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
     (*f).first = 0u;
     (*f).count = 0u;

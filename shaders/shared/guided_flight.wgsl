@@ -1,7 +1,7 @@
 // Flights of sensor subpaths through fog, towards the places from which light can still arrive inside the gate (lcs).
 #import medium
 
-// Whether sensor subpaths use `guided_flight` instead of `free_flight` when the gate has an end.
+// Whether sensor subpaths use `guided_flight` instead of `free_flight` outside of solids, if the gate has an end and culling is on.
 override GUIDES_FLIGHTS: bool = false;
 // Share of the events on the first segment that are drawn uniformly in the gate. It is small, because light that scatters only once is
 // drawn in the gate anyway (fog.wgsl). On later segments, all events are drawn in proportion to scattering, because the factors of
@@ -9,7 +9,7 @@ override GUIDES_FLIGHTS: bool = false;
 const GUIDED_SHARE: f32 = 0.1;
 
 // Brightness of the events on the first segment relative to that of the surface behind them, for `guided_end_probability`. In a thin
-// gate, most surfaces get little light at the right time, and events see those that get much (docs/notebook/fog-sampling.md).
+// gate, most surfaces get little light at the right time. Events see the few surfaces that get much (docs/notebook/fog-sampling.md).
 const EVENT_BRIGHTNESS: f32 = 4.0;
 
 // A distance that stands for infinity. Its products do not overflow.

@@ -39,8 +39,8 @@ fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function
     return Candidate(current, 1.0 / (POWER_PROBABILITY * p.x + (1.0 - POWER_PROBABILITY) * p.y));
 }
 
-// Share of the light from the direction `w` that q scatters to the sensor, with the approximations of `outgoing_light`. `medium`: the
-// medium of an event.
+// Share of the light from the direction `w` that q scatters to the sensor, approximated as in `outgoing_light`. Tables need no lower
+// limit, because directions at q are not rounded. `medium`: the medium of q, if q is an event.
 fn scattered_share(q: PathVertex, medium: Medium, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (is_in_medium(q)) {
         return 4.0 * PI * phase_value(medium, -dot(q.to_previous, w));
@@ -48,8 +48,8 @@ fn scattered_share(q: PathVertex, medium: Medium, w: vec3<f32>, min_cosine: f32)
     return max(vertex_cosine(q, w), min_cosine);
 }
 
-// Contribution of v to q if both were diffuse and saw each other; 0 if v cannot contribute. v comes from its leaf record, whose
-// normal is rounded. So the test whether v faces q allows an error of DIRECTION_ERROR.
+// Contribution of v to q if surfaces were diffuse and nothing lay between v and q; 0 if v cannot contribute. v comes from its
+// leaf record, whose normal is rounded. So the test whether v faces q allows an error of DIRECTION_ERROR.
 fn vertex_importance(q: PathVertex, medium: Medium, v: PathVertex) -> f32 {
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);
@@ -110,7 +110,7 @@ const MAX_TIME_GROUPS: u32 = 16u;
 
 // The part of the gate that contains a travel time.
 fn time_group(tau: f32) -> u32 {
-    // A gate begins before time 0 only because of rounding and fields of view.
+    // Where travel times omit the ways to a wall, a gate from 0 on is extended below 0 (`Plan::set`). Hardly any light is there.
     let lo = max(frame.gate_lo, 0.0);
     let part = max(tau - lo, 0.0) / (frame.gate_hi - lo);
     return min(u32(part * f32(TIME_GROUPS)), TIME_GROUPS - 1u);
@@ -129,7 +129,8 @@ const MIN_QUERIES: u32 = 4u;
 override HAS_SCATTERING: bool = false;
 
 // Maximum number of queries for q. In media that scatter, sensor subpaths have many vertices, and the first matter most. So the number
-// is halved once for surfaces behind the first vertex, and once per bounce for events (docs/notebook/fog-query-cost.md).
+// is halved once for surfaces behind the first vertex, and once per bounce for events (docs/notebook/fog-query-cost.md). With several
+// parts of the gate, it is not halved.
 fn max_queries(q: PathVertex) -> u32 {
     if (!HAS_SCATTERING || TIME_GROUPS > 1u) {
         return frame.queries;

@@ -1,6 +1,6 @@
 // A vertex of a subpath: a point on a surface or on an emitter, or a scattering event in a medium. Only this module evaluates and
-// samples vertices and computes their densities, cosines and sides. So kernels treat vertices with and without a normal alike. The
-// bounds of `leaf`, and auxiliary vertices (`auxiliary`), ask whether a vertex has a normal.
+// samples vertices and computes their densities, cosines and sides. So kernels treat vertices with and without a normal alike. Only
+// `leaf` (to find punctual lights) and `auxiliary` also ask whether a vertex has a normal.
 #import emitter
 #import phase
 
@@ -61,8 +61,8 @@ fn vertex_cosine(v: PathVertex, w: vec3<f32>) -> f32 {
 // Whether the trees contain the punctual lights, because there are too many to connect one by one.
 override QUERIED_PUNCTUAL: bool = true;
 
-// Minimum of 4 pi times the value of a table for `outgoing_light`. The direction to the previous vertex is rounded in leaf records, so
-// an event may contribute although the table is 0 at the rounded angle.
+// Lower limit of `outgoing_light` for an event whose phase function is a table. The direction to the previous vertex is rounded in leaf
+// records, so an event may contribute although the table is 0 at the rounded angle.
 const MIN_TABLE_LIGHT: f32 = 1e-3;
 
 // Light that v sends along `w` (unit), relative to its throughput. A surface counts as diffuse, with a cosine of at least
@@ -313,8 +313,8 @@ fn sample_vertex(v: PathVertex, is_sensor_subpath: bool, u: vec4<f32>) -> Scatte
             s.pdf *= probability;
         }
     }
-    // The weight of a delta lobe is reflectance / probability, because the cosine of its value cancels with the cosine of the measure.
-    // Only the correction for shading normals remains: see `evaluate_light_vertex`.
+    // The BSDF of a delta lobe contains 1 / cosine, which cancels with the cosine of the new direction. So the weight of the lobe is
+    // reflectance / probability, and only the correction for shading normals remains: see `evaluate_light_vertex`.
     let known_ratio = known.z / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     let new_cosine = abs(sample.direction.z);
     let smooth_factor = select(known_ratio * s.cosine, new_cosine, is_sensor_subpath);

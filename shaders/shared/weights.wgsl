@@ -25,8 +25,8 @@ fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
         (*s).d_vcm = mis(1.0 / (frame.query_sample_count * e.pdf_direction));
         (*s).d_vc = frame.keep_s0 * mis(cosine / (frame.query_sample_count * e.density * e.pdf_direction));
     } else {
-        // Strategy s = 1 connects to each punctual light or sun once. Only longer light subpaths select the light with
-        // probability select_pdf.
+        // Strategy s = 1 connects to each punctual light, each sun and the sky once. Only longer light subpaths select the light
+        // with probability select_pdf.
         (*s).d_vcm = mis(1.0 / (frame.query_sample_count * e.pdf_direction * e.vertex.select_pdf));
         (*s).d_vc = 0.0;
         if (HAS_SKY && e.sky) {
@@ -69,6 +69,7 @@ fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evalu
         w_light += mis(q_to_v) * auxiliary_sum(v) + sum_over_auxiliary(v, -w, r);
         w_sensor += mis(ratios.x * v_to_q) * auxiliary_sum(q) + sum_over_sensor_auxiliary(q, w, r);
     }
+    // The sums assume that flights place all events. Sensor subpaths draw events next to a deterministic vertex in the gate instead.
     if (is_in_medium(q) && is_drawn_in_gate(v)) {
         w_sensor /= mis(density_gain(q.material, normalize(v.position - q.position), q.to_previous));
     } else if (follows_connected(v)) {

@@ -82,7 +82,7 @@ fn check_pose(experiment: &Experiment) -> Result<()> {
     gltf::check_pose(path, &allowed, playback)
 }
 
-/// The file of the scene, the folders that it may refer to, and the time of the pose.
+/// The file of the scene, the folders that it may refer to, and the pose (time and animation).
 fn source(experiment: &Experiment) -> (&Path, Vec<PathBuf>, Playback<'_>) {
     let path = experiment.scene.as_ref().expect("the experiment names a scene");
     let input = &experiment.input;
@@ -114,7 +114,7 @@ pub struct Session {
     /// Whether the experiments are the frames of a sequence. If so, existing files are kept, black frames are allowed, and an
     /// interrupted frame is not written.
     pub is_sequence: bool,
-    /// The stream of --tev; `None` before the first render.
+    /// The stream of --tev; `None` before the first render, and without --tev.
     tev: Option<TevStream>,
     /// Notes and warnings that were printed already.
     said: HashSet<String>,
@@ -143,7 +143,8 @@ impl Session {
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
         let mut checkpoint = Checkpoint::new(outputs.checkpoint.as_ref())?;
-        // The images of the render take the place of those that it continues, and of those of the previous frame.
+        // Measure before the earlier sums are read, and count the images of the previous frame as free. The images of this render
+        // take the place of both.
         let free = memory::free_without(self.ready.as_ref().and_then(|ready| ready.renderer.responses()));
         let earlier = Earlier::read(experiment.output.resume.as_deref(), outputs.checkpoint.as_ref())?;
         // There is no result to keep yet.

@@ -54,13 +54,14 @@ pub struct Record {
     /// Number of candidate slots per shade point for the vertices that the query kernel chooses. Deterministic vertices have
     /// other slots.
     pub slots: fn(&PoolShape) -> u32,
-    /// With several responses: maximum number of parts of the gate. The query kernel chooses a vertex for each part. 1 if it
-    /// chooses vertices without regard to parts. At most MAX_TIME_GROUPS.
+    /// Number of equal parts into which the support is divided, unless the responses are a single box. The query kernel chooses a vertex
+    /// for each part. 1 if it chooses vertices without regard to parts. At most MAX_TIME_GROUPS.
     pub time_groups: u32,
-    /// The record that replaces this one if there are several responses and their support is wide: nearly every light vertex then
-    /// meets some gate.
+    /// The record that replaces this one if the responses are not a single box and their support is wide: nearly every light vertex
+    /// then meets some gate.
     pub for_histograms: Option<&'static Record>,
-    /// The record that replaces this one if the gate is thin: few pairs of vertices then meet the gate.
+    /// The record that replaces this one if the gate is thin, because few pairs of vertices then meet the gate. `--ellipsoids on` uses
+    /// it in any gate, `--ellipsoids off` in none.
     pub for_thin_gates: Option<&'static Record>,
     /// Number of light vertices that the query kernel draws for each query that `--queries` asks for.
     pub draws_per_query: u32,
@@ -141,7 +142,7 @@ pub struct TreeDefaults {
     pub by_importance: bool,
 }
 
-/// Order of the light vertices in the pool. Deterministic vertices come first in every order.
+/// Order of the light vertices in the pool. Deterministic vertices come first in every order, unless queries find them in trees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PoolOrder {
     /// The pool holds points on emitters only.
@@ -161,11 +162,11 @@ pub struct PoolShape {
     pub has_emitter_points: bool,
     /// Number of vertices of the longest light subpath; 0 if the pool is not ordered by path.
     pub longest_path: u32,
-    /// Number of trees that are not empty; 1 if the pool is ordered by travel time.
+    /// Number of trees that are not empty. A pool that is ordered by travel time counts as one tree.
     pub trees: u32,
-    /// Number of parts of the gate; the query kernel may choose a vertex for each part. See [`Record::time_groups`].
+    /// Number of parts of the support; the query kernel may choose a vertex for each part. See [`Record::time_groups`].
     pub time_groups: u32,
-    /// Queries per shade point and tree.
+    /// Queries per shade point and tree, times [`Record::draws_per_query`].
     pub queries: u32,
 }
 
@@ -177,7 +178,8 @@ impl Estimator {
     pub const ALL: [Estimator; 5] =
         [Estimator::Pt, Estimator::Bdpt, Estimator::Epc, Estimator::LcsPaper, Estimator::Lcs];
 
-    /// Estimator for renders without a gate that measure which travel times a scene has: it finds every path.
+    /// Estimator for renders without a gate, if none was chosen or the render measures travel times. It finds the light of every kind
+    /// of emitter.
     pub const UNGATED: Estimator = Estimator::Bdpt;
 
     /// The record that describes this estimator to the rest of the program.

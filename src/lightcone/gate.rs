@@ -4,7 +4,7 @@ use crate::settings::units::Gate;
 
 /// Length by which queries widen their travel-time bounds, so that they prune no vertex whose travel time rounds into the gate.
 /// It is in the unit of `gate` and `sensor`. `sensor` is the distance of the sensor's farthest point from the origin of render
-/// space.
+/// space, plus the length that travel times omit in scans.
 ///
 /// A travel time is a sum of a few dozen rounded terms. Each term is at most the last finite end of the gate. The coordinates of
 /// the points are at most that end plus `sensor`.

@@ -12,6 +12,7 @@ impl Renderer {
     /// Renders iterations until the film has the samples per pixel of `budget`, or until its seconds have passed since this call. The
     /// number of samples in each iteration is that of `taugate render`, so equal scenes and settings give equal bits. A budget of
     /// seconds ends after the iteration whose end is nearest to it. But it has at least two iterations, unless one takes all its time.
+    /// If [`Renderer::is_dark`], it ends after two iterations.
     ///
     /// Fails as [`Renderer::iterate`] does. The film then has the iterations before the error. If the film has samples at the call, a
     /// budget of seconds may end up to one iteration later.
@@ -25,7 +26,8 @@ impl Renderer {
         }
     }
 
-    /// Samples per pixel in the next iteration, after `elapsed` time of rendering; 0 when the budget is used.
+    /// Samples per pixel in the next iteration, after `elapsed` time of rendering; 0 when the budget is used, or if
+    /// [`Renderer::is_surely_black`].
     #[doc(hidden)]
     pub fn next_samples(&self, budget: &Budget, elapsed: Duration) -> u32 {
         let film = self.film();
@@ -33,8 +35,8 @@ impl Renderer {
         if is_enough { 0 } else { next_samples(budget, film.iterations(), film.samples(), elapsed) }
     }
 
-    /// Whether more iterations cannot change the image, because no light meets the gate. Two iterations give a variance. A budget of
-    /// samples is rendered nevertheless.
+    /// Whether a budget of seconds can end early: no light can arrive inside the gate, and the film has the two iterations that a
+    /// variance needs. False for a budget of samples, which is always rendered whole.
     #[doc(hidden)]
     pub fn is_surely_black(&self, budget: &Budget) -> bool {
         self.is_dark() && matches!(budget, Budget::Seconds(_)) && self.film().iterations() >= 2

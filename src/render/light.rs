@@ -66,7 +66,7 @@ impl Tally {
         }
     }
 
-    /// Adds the counts to `stats`. Fails if a splat had no pixel of the image.
+    /// Adds the counts to `stats`. Fails if the pixel of a splat does not exist.
     fn add_to(&self, stats: &mut Stats) -> Result<()> {
         stats.inside_gate += self.inside_gate;
         stats.dropped += self.dropped;

@@ -105,14 +105,15 @@ pub struct Renderer {
     /// The next iteration, and the sample of the random sequences at which it begins.
     next: u32,
     first_sample: u32,
-    /// Non-finite samples of the sums that the render continues.
+    /// Number of non-finite samples that were dropped from the sums that the render continues.
     dropped_before: u64,
 }
 
 #[warn(missing_docs)]
 impl Renderer {
-    /// Flattens and uploads the scene, and compiles the kernels. Fails if nothing emits, if the scene does not fit the
-    /// device, or if the estimator cannot render these emitters.
+    /// Flattens and uploads the scene, and compiles the kernels. Fails if [`Scene::check`] fails, if nothing emits, or if the scene does
+    /// not fit the device. Also fails if the settings do not suit the scene. For example, the estimator cannot render these emitters, or
+    /// a light is infinitely far away and there is a gate.
     pub fn new(device: &Device, scene: &Scene, settings: &Settings) -> Result<Renderer> {
         Renderer::with_tuning(device, scene, settings, Tuning::default())
     }
@@ -178,7 +179,7 @@ impl Renderer {
         prepared: &PreparedScene,
         mut stats: Stats,
     ) -> Result<Renderer> {
-        // A dark plan needs no kernel until a restart changes its gate.
+        // A dark plan traces nothing. Its sensor kernels are compiled only if a restart changes its gate.
         if !plan.dark {
             stats.prepared(stage::COMPILE, || precompile::compile_all(device, &plan))?;
         }
@@ -211,10 +212,10 @@ impl Renderer {
     }
 
     /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light vertices and
-    /// `samples` samples per pixel: in every pixel, or on average if the sampling is adaptive. `samples` is 1 to 16, for a camera with
-    /// aimed rays 1 to 1024. Fails if it is out of range or if a buffer does not fit the device. Also fails if the device is lost, or if
-    /// its counts contradict each other. After an error the film is as before. But a render of several responses begins
-    /// anew if the iteration has already changed over 4 million pixels of its images; then [`Film::samples`] is 0.
+    /// `samples` samples per pixel: in every pixel, or on average if the sampling is adaptive. `samples` is 1 to 16. With aimed camera
+    /// rays and uniform sampling it is 1 to 1024. Fails if it is out of range or if a buffer does not fit the device. Also fails if the
+    /// device is lost, or if its counts contradict each other. After an error the film is as before. But a render of several or shaped
+    /// responses begins anew if the iteration has already changed over 4 million pixels of its images. Then [`Film::samples`] is 0.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         self.iterate_unless(samples, &Arc::default()).map(drop)
     }
@@ -332,13 +333,13 @@ impl Renderer {
         self.stats.iterations += 1;
     }
 
-    /// Whether bounds show that no light can arrive inside the gate. If so, every sample is black and none is traced.
+    /// Whether culling is on and bounds show that no light can arrive inside the gate. If so, every sample is black and none is traced.
     pub fn is_dark(&self) -> bool {
         self.plan.dark
     }
 
-    /// Whether no light was found so far. The device counts light inside the support of all responses. There, light between two gates,
-    /// or where the weight of a table is 0, counts for no response.
+    /// Whether no light was found so far. For a single box, the device must also have counted no light inside the gate. For other
+    /// responses its count does not decide: it includes light between two gates, and light where the weight of a table is 0.
     #[doc(hidden)]
     pub fn is_black(&self) -> bool {
         let may_be_black = !self.plan.responses.is_single_box() || self.stats.inside_gate == 0;
@@ -379,7 +380,8 @@ impl Renderer {
         }
     }
 
-    /// Whether [`Renderer::estimate_response_variance`] was called.
+    /// Whether the images of the responses have variances: see [`Renderer::estimate_response_variance`]. False for a single box,
+    /// whose image is the film.
     #[doc(hidden)]
     pub fn has_response_variance(&self) -> bool {
         self.responses.as_ref().is_some_and(|responses| responses.film().has_variance())

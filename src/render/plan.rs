@@ -87,7 +87,7 @@ pub struct Iteration {
 /// The parameters of a render that are the same in all iterations.
 pub struct Plan {
     pub estimator: &'static Record,
-    /// The conditions, besides the responses, by which `estimator` was chosen.
+    /// The conditions, besides the responses, that decide which record of the chosen estimator the render uses.
     choice: Choice,
     pub light_paths: u32,
     splat_paths: u32,
@@ -112,7 +112,7 @@ pub struct Plan {
     group_index: f64,
     /// Whether light is faster in a solid than outside of it.
     has_fast_solids: bool,
-    /// Parts of the BVH for [`Bvh::parts`](crate::bvh::Bvh::parts); empty unless the estimator forms ellipsoidal connections.
+    /// Parts of the BVH from [`Bvh::parts`](crate::bvh::Bvh::parts); empty unless the estimator has [`Ellipsoids::Enumerated`].
     pub bvh_parts: Vec<u32>,
     /// Values of the WGSL `override` constants that depend on the media.
     media_constants: [(&'static str, f64); 10],
@@ -230,8 +230,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Whether [`Plan::set_camera`] can replace the camera by this one. It cannot take a camera of another kind (perspective,
-    /// orthographic, aimed), or too far from the one that the scene was prepared for (see [`RenderSpace::sensor`]).
+    /// Whether [`Plan::set_camera`] can replace the camera by this one. Both must be of one kind (perspective, orthographic, aimed), with
+    /// equally many aimed rays. The new one must be near the one that the scene was prepared for (see [`RenderSpace::sensor`]).
     pub fn takes(&self, camera: &Camera) -> bool {
         let aims = camera.projection.aims().map_or(0, <[Aim]>::len);
         let is_same_kind = camera.projection.is_orthographic() == self.is_orthographic && aims == self.aims;
@@ -285,7 +285,7 @@ impl Plan {
         self.set(self.frame.seed, self.responses.clone());
     }
 
-    /// Sets the seed and the responses, and the travel-time bounds that follow from the gate and from the sensor's position.
+    /// Sets the seed and the responses. Then sets `dark` and the fields of the frame that depend on the gate and on the camera.
     pub fn set(&mut self, seed: u32, responses: Responses) {
         let gate = responses.support();
         let hole =
@@ -301,8 +301,8 @@ impl Plan {
         self.dark = self.cull && !gate.is_open() && !travel_time_bounds.overlaps(&gate);
         let omitted = self.space.length(self.omitted * self.group_index);
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
-        // Light that comes straight back from a wall, the ways to which are omitted, has the travel time 0 except for rounding. A
-        // gate that begins at 0 keeps it if rounding makes the time negative.
+        // If the ways to and from a wall are omitted, light that comes straight back has travel time 0 up to rounding. A gate that
+        // begins at 0 must keep this light even if rounding makes its travel time negative.
         let gate = if gate.lo == 0.0 && omitted > 0.0 { Gate { lo: -omitted, ..gate } } else { gate };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
@@ -312,8 +312,9 @@ impl Plan {
         self.frame.gate_hi = hi;
         self.frame.rounding_allowance = rounding_allowance;
         let width = gate.hi - gate.lo;
-        // If a path needs a detour as long as the gate, its straight connection is too short for the gate. So no pair of vertices
-        // needs both kinds of connections. Detours must also be longer than their rounding errors. They lie outside of solids.
+        // A detour is at least as long as the gate is wide. If the path with the detour is inside the gate, the straight connection
+        // is too short for the gate. So no pair of vertices has both kinds of connections. Detours must also be longer than their
+        // rounding errors. They lie outside of solids, so their travel time per length is `group_index`.
         let detour = width.max(rounding_allowance.into()) / self.group_index;
         self.frame.min_detour = if closed { detour as f32 } else { OPEN };
         self.frame.auxiliary_density = (f64::from(self.estimator.ellipsoid_sample_count) * self.group_index

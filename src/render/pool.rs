@@ -15,10 +15,10 @@ use crate::lightcone::tree::{Item, Tree, TreeOptions, bounds};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{LeafRecord, NONE, PathVertex, TreeChild, TreeNode};
 
-/// Light vertices of an iteration, by kind. The kernels expect this order: deterministic, emitter points, scattered.
+/// Light vertices of an iteration, by kind. [`LightPool::sort`] puts them into the order that the estimator's kernels expect.
 #[derive(Default)]
 pub struct LightPool {
-    /// Punctual lights of the scene, and for each beam of zero radius the vertices that all its subpaths share.
+    /// Punctual lights of the scene, and the spot of each beam of zero radius, which all subpaths of the beam share.
     deterministic: Vec<PathVertex>,
     /// Emitter points (v_tau = 0) and scattered vertices.
     emitter_points: PathVertices,
@@ -62,7 +62,7 @@ pub struct DevicePool<A: Allocate = Device> {
 /// The arrays of a pool, ready for upload.
 pub struct SortedPool {
     pub vertices: Vec<PathVertex>,
-    /// The records of all vertices, if queries choose vertices in leaves.
+    /// The leaf records of all vertices; empty if the pool has no trees.
     pub records: Vec<LeafRecord>,
     pub nodes: Vec<TreeNode>,
     pub offsets: Vec<u32>,
@@ -78,8 +78,8 @@ impl LightPool {
         self.scattered.clear();
     }
 
-    /// Adds a vertex of light path `path`; the path index of a deterministic vertex is ignored. Drops a vertex that is too
-    /// deep for a connection with at most `max_depth` segments.
+    /// Adds a vertex of light path `path`; the path index of a deterministic vertex is ignored. Drops any other vertex that is too
+    /// deep for a connected path of at most `max_depth` segments.
     pub fn push(&mut self, path: u32, vertex: &PathVertex, max_depth: u32) {
         if vertex.flags & VERTEX_DETERMINISTIC != 0 {
             self.deterministic.push(*vertex);
@@ -104,7 +104,8 @@ impl LightPool {
         stats.deterministic_vertices += self.deterministic.len() as u64;
         stats.emitter_vertices += self.emitter_points.len() as u64;
         stats.scattered_vertices += self.scattered.len() as u64;
-        // Trees leave out vertices whose power is not finite. Without trees, connections to them are not finite, and count.
+        // Trees and the order by travel time leave out vertices whose power is not finite, so the host counts these vertices. With
+        // the other orders, the device counts the connections to them, which are not finite.
         if matches!(plan.estimator.pool_order, PoolOrder::Trees | PoolOrder::ByTime) {
             let vertices = self.emitter_points.vertices.iter().chain(&self.scattered.vertices);
             stats.dropped += vertices.filter(|vertex| !power(vertex).is_finite()).count() as u64;
@@ -154,7 +155,8 @@ impl LightPool {
         for i in 1..offsets.len() {
             offsets[i] += offsets[i - 1];
         }
-        // The vertex of each place behind the deterministic vertices.
+        // `order` holds the index of the vertex for each place after the deterministic vertices. `next` holds the next free place of
+        // each path.
         let mut next = offsets.clone();
         let mut order = vec![0u32; paths().count()];
         for (i, path) in (0..).zip(paths()) {
@@ -201,8 +203,9 @@ impl LightPool {
 
     /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over
     /// all of them. Both are valid: a query weights the vertex that it returns, of either kind, by 1 / P of this vertex. If the
-    /// deterministic vertices are too many to connect one by one, they form separate subtrees. Lamps are in the 3D tree, so they have
-    /// a shadow ray of their own. The spots of thin beams are in the 4D tree.
+    /// deterministic vertices are too many to connect one by one, they form separate subtrees. Punctual lights are then in the 3D tree,
+    /// even if there is a single 4D tree. So the lights have queries and shadow rays of their own. The spots of thin beams are in the
+    /// 4D tree.
     fn trees(&self, plan: &Plan) -> SortedPool {
         let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });

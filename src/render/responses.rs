@@ -78,9 +78,8 @@ impl ResponseSums {
         self.total.resize(3 * self.film.pixels(), 0.0);
     }
 
-    /// Adds all light of the `pixels` of a tile, none of which has been added in this iteration: their splats, and `arrivals` from
-    /// sensor subpaths. In each part of `arrivals`, the pixels ascend. The order of the arrivals of a pixel decides the last bits of
-    /// its sums.
+    /// Adds all light of the `pixels` of a tile: their splats, and `arrivals` from sensor subpaths. Each pixel is added only once per
+    /// iteration. In each part of `arrivals`, the pixels ascend. The order of the arrivals of a pixel decides the last bits of its sums.
     pub fn add(&mut self, pixels: &[u32], arrivals: &[Vec<Arrival<IndexInTile>>]) {
         self.has_part = true;
         let ResponseSums { film, weights, total, splats, samples, replaced, .. } = self;
@@ -195,7 +194,7 @@ mod tests {
     /// Number of pixels. Their order in tiles is not that in the crop.
     const PIXELS: u32 = 200;
 
-    /// The arrivals of two bounces in the pixels of a tile, and of splats. `begin` is the first pixel of the tile.
+    /// The arrivals of two bounces in the pixels of a tile. `begin` is the number of the tile's first pixel, counted over all tiles.
     fn arrivals(begin: u32, pixels: &[u32]) -> Vec<Vec<Arrival<IndexInTile>>> {
         let of_bounce = |bounce: u32| {
             let numbers = (begin..).zip(0..pixels.len() as u32).filter(|(number, _)| number % 5 != bounce);
@@ -254,7 +253,7 @@ mod tests {
                     let total: f64 = per_pixel.range((9, 0)..(10, 0)).map(|(_, rgb)| rgb[1]).sum();
                     assert_eq!(sums.total()[3 * 9 + 1], total as f32);
                 };
-                // As many changes as an incomplete iteration can undo; then one more, and more already after the first block.
+                // The limit equals the number of changes; then it is one too small; then the first block already exceeds it.
                 let changes = per_pixel.len();
                 for (limit, can_restore) in [(changes, true), (changes - 1, false), (1, false)] {
                     let mut sums = new();

@@ -67,7 +67,7 @@ pub struct Stats {
     pub live_candidates: u64,
     /// Contributions that arrived inside the gate.
     pub inside_gate: u64,
-    /// Contributions that were not finite and were dropped.
+    /// Contributions and light vertices that were not finite and were dropped.
     pub dropped: u64,
     /// Seconds on the device per kernel, from timestamps. Empty if the device has no timestamps.
     pub device_seconds: BTreeMap<String, f64>,

@@ -42,7 +42,7 @@ impl SettingsBuilder {
         SettingsBuilder { render: RenderTable { device: None, strict: None, ..render.clone() }, ..self }
     }
 
-    /// The estimator. The default is `bdpt`, which finds all light of any scene. `pt` finds no light of beams, see
+    /// The estimator. The default is `bdpt`, which finds the light of every kind of emitter. `pt` finds no light of beams, see
     /// [`Settings::missed_lights`].
     pub fn estimator(mut self, estimator: Estimator) -> SettingsBuilder {
         self.render.estimator = Some(estimator);

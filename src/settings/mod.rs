@@ -92,7 +92,7 @@ pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 /// Settings of a render. A setting that was not chosen has the default of the estimator.
 ///
 /// [`Settings::default`] is a steady-state render of 512 x 512 pixels with 64 samples per pixel and the estimator `bdpt`, which
-/// finds all light of any scene.
+/// finds the light of every kind of emitter.
 ///
 /// ```
 /// use taugate::{Budget, Estimator, Settings};

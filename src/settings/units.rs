@@ -22,10 +22,10 @@ pub const METRES_PER_NS: f64 = 0.299_792_458;
 /// Maximum travel time in metres at which a gate may begin or end (except infinity). f32 represents somewhat larger numbers.
 pub(super) const MAX_TRAVEL_TIME: f64 = 1e30;
 
-/// The program refuses a gate with a width of fewer f32 steps, unless the user gives `--force`. Its brightness may be wrong by more
-/// than 6 %.
+/// The program refuses a gate that is narrower than this number of f32 steps, unless the user gives `--force`. Rounding may change
+/// the brightness of its image by more than 6 %.
 pub const REFUSED_ULPS: f64 = 16.0;
-/// A gate with a width of fewer f32 steps is rendered with a warning.
+/// A gate that is narrower than this number of f32 steps is rendered with a warning.
 pub const COARSE_ULPS: f64 = 256.0;
 
 const HOW_TO_WRITE: &str = "write it like 12.5m..12.8m, 41.7ns..42.7ns, 12.65m+-0.15m or 12.5m+0.3m";
@@ -106,9 +106,9 @@ impl Gate {
         Gate::new(2.0 * lo, 2.0 * hi)
     }
 
-    /// Compares the width with the difference between neighbouring f32 numbers at `hi` + `unseen`. `unseen` is the sum of lengths in
-    /// metres that make rounding errors larger. Travel times that omit a length are differences of numbers that contain it.
-    /// Coordinates near a sensor that is away from the origin of render space contain its distance from the origin.
+    /// Compares the width with the difference between neighbouring f32 numbers at `hi` + `unseen`. `unseen` is a sum of lengths in
+    /// metres that make rounding errors larger. It contains the length that travel times omit, and the distance of the sensor from the
+    /// origin of render space. If the gate repeats, it also contains the length from `hi` to the latest light.
     #[doc(hidden)]
     pub fn precision(&self, unseen: f64) -> GatePrecision {
         if self.hi.is_infinite() {

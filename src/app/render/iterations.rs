@@ -22,8 +22,8 @@ pub struct Done {
     pub failure: Option<Error>,
 }
 
-/// Adds iterations until the budget is used or an interrupt arrives. An interrupt abandons the present iteration, which may take long,
-/// except if this would leave no image: the first iteration, and those of several responses.
+/// Adds iterations until the budget is used or an interrupt arrives. An interrupt abandons the present iteration, because it may take
+/// long. But the first iteration, and any iteration of several or shaped responses, is completed: abandoning it may leave no image.
 pub struct Iterations<'a> {
     pub settings: &'a Settings,
     pub shard: Shard,
@@ -53,7 +53,7 @@ impl Iterations<'_> {
             dropped if strict && dropped > 0 => Err(NotFinite { dropped }),
             _ => Ok(()),
         };
-        // Sums that the render continues may contain such samples.
+        // In the sums that the render continues, non-finite samples may already have been dropped.
         finite(renderer)?;
         let mut done = Done::default();
         let never = Arc::default();
