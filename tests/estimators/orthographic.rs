@@ -88,7 +88,6 @@ fn the_spot_of_a_thin_beam_is_found_by_connections_to_the_sensor() {
 }
 
 #[test]
-#[ignore = "takes ten seconds; a lit floor with a closed form is tested always"]
 fn a_room_seen_in_parallel_agrees_with_the_oracle() {
     let cornell = orthographic(build(Kind::CornellBox), 2.2);
     let gates = [(6.5, 7.0), (8.0, 8.3), (0.0, f64::INFINITY)];

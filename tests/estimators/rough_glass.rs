@@ -69,7 +69,7 @@ fn a_partly_transmitting_pane_agrees_with_the_oracle() {
 
 /// `cargo test --release --test estimators -- --ignored estimators_agree_on_rough_glass`
 #[test]
-#[ignore = "the oracle tests the same images always"]
+#[ignore = "the oracle tests rough glass always"]
 fn estimators_agree_on_rough_glass() {
     let cells = |estimator, rougher, seed| {
         let s = settings(estimator, SIZE).max_depth(8).build().unwrap();

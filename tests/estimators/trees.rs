@@ -134,7 +134,7 @@ fn any_importance_agrees_with_the_closed_form() {
 
 /// `cargo test --release --test estimators -- --ignored any_importance`
 #[test]
-#[ignore = "takes ten seconds; the closed form is tested always"]
+#[ignore = "takes ten seconds; leaves and frontiers of any size are tested always"]
 fn any_importance_agrees_with_all_factors() {
     let scene = build(Kind::CornellBox);
     let measure = |importance: Importance, lo: f64, seed: u32| {
