@@ -17,7 +17,7 @@ repetitions=${1:-3}
 root=$(dirname "$0")/..
 taugate=${TAUGATE:-$root/target/release/taugate}
 code=0
-for suite in ${*:-quick fig1 fig6 fig4 table1 fig7 fig8 fig9 no-gate lamps ablation scaling}; do
+for suite in ${*:-quick fig1 fig6 fig4 table1 fig7 fig8 fig9 no-gate lamps thin-gates ablation scaling}; do
     file=$root/benches/suites/$suite.toml
     time=$(awk -F'"' -v by="$divisor" '/^time/ { printf "%.3g", $2 / by; exit }' "$file")
     out=bench-all/$suite

@@ -121,8 +121,8 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     return v;
 }
 
-// Stores in v the sum that `auxiliary_sum` reads: the MIS sum of the ellipsoidal connections whose auxiliary vertex is `before`, the
-// vertex before v on its subpath.
+// Stores in v the sum that `auxiliary_sum` reads: the MIS sum of the ellipsoidal connections over `before`. `before` is the vertex before
+// v on its subpath, and the auxiliary vertex of these connections.
 fn add_auxiliary_sum(v: ptr<function, PathVertex>, before: PathVertex) {
     let sum = sum_over_auxiliary(before, -(*v).to_previous, previous_distance(*v));
     (*v).selection_cdf = bitcast<u32>(min(min(sum, MAX_SUM) * (*v).d_vcm, MAX_SUM));

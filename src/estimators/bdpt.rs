@@ -7,7 +7,7 @@ use crate::wgsl::layout::constants::ESTIMATOR_BDPT;
 pub(super) static RECORD: Record = Record {
     name: "bdpt",
     // With a wide gate or none, nearly all vertices are valid: choosing among them by query costs time and gains little, except in
-    // thick fog. Without gate and fog, `pt` is faster unless something focuses light or a beam shines.
+    // thick fog. Without gate and fog, `pt` is the default, unless a surface focuses light or a beam shines (docs/notebook/no-gate.md).
     is_default: |c| match (c.gate, c.fog) {
         (GateWidth::Narrow, _) | (_, Fog::Thick) => false,
         (GateWidth::Wide, _) | (GateWidth::Open, Fog::Thin) => true,

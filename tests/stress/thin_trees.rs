@@ -242,8 +242,8 @@ fn the_bias_of_256_steps_is_small_through_the_trees() {
     assert_small(|far, estimator, truth| bias(far, estimator, truth, 20_000, 8));
 }
 
-/// The same in the middle gate, for one strategy alone with MIS weight 1. It connects a light vertex to the wall in view: a point on the
-/// lamp (s = 1), or a point that the lamp lights (s = 2).
+/// The same in the middle gate, for one strategy alone with MIS weight 1. It connects a light vertex to the wall in view. With s = 1, the
+/// vertex lies on the lamp; with s = 2, the lamp lights it.
 #[test]
 #[ignore = "takes minutes"]
 fn connections_alone_have_the_energy_through_the_trees() {
