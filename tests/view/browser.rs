@@ -13,6 +13,8 @@ use crate::program::{Program, SIZE};
 /// Nothing on the page takes longer than this, even where the renderer and the browser share two cores.
 const PATIENCE: Duration = Duration::from_secs(20);
 const GLANCE: Duration = Duration::from_millis(50);
+/// Starts of chromedriver until one finds a port that no other program has.
+const STARTS: usize = 20;
 
 /// Runs a test in a browser whose tab shows `url`. Returns false, with a message, where there is no browser.
 pub fn visit<F, T>(url: &str, test: F) -> bool
@@ -77,6 +79,12 @@ impl Driver {
             eprintln!("skipped: there is no {name}; on Debian, apt-get install chromium chromium-driver");
             return None;
         }
+        let driver = (0..STARTS).find_map(|_| Driver::start_on_a_free_port());
+        Some(driver.expect("chromedriver starts and prints its port"))
+    }
+
+    /// `None` if chromedriver ends before it serves. It takes a port that is free in IPv6, and ends if that port is taken in IPv4.
+    fn start_on_a_free_port() -> Option<Driver> {
         let mut process = Command::new("chromedriver")
             .arg("--port=0")
             .stdout(Stdio::piped())
@@ -86,9 +94,13 @@ impl Driver {
         let mut lines = BufReader::new(process.stdout.take().unwrap()).lines();
         let port = lines
             .find_map(|line| line.ok()?.trim_end_matches('.').rsplit_once("successfully on port ")?.1.parse().ok());
+        let Some(port) = port else {
+            process.wait().expect("chromedriver ends");
+            return None;
+        };
         // Reads the later output, so that chromedriver never waits for a full pipe.
         std::thread::spawn(move || lines.for_each(drop));
-        Some(Driver { process, port: port.expect("chromedriver prints its port") })
+        Some(Driver { process, port })
     }
 }
 
