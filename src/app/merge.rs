@@ -95,17 +95,24 @@ fn name(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// The sums of all parts. A thread reads the next part while this thread adds a part, so at most four parts are in memory at a time.
+/// Threads that read parts. With two, `merge` is 1.3 times as fast as with one (docs/notebook/merge-speed.md).
+const READERS: usize = 2;
+
+/// The sums of all parts, added in the order given. Other threads read the next parts meanwhile. Per thread, at most one part waits, so
+/// at most four parts are in memory at a time.
 fn merged(order: &[(PathBuf, About)]) -> Result<Accumulation> {
     let (first, others) = order.split_first().expect("the command names a file");
     let mut sums = read(&first.0)?;
     std::thread::scope(|scope| {
-        let (sender, parts) = std::sync::mpsc::sync_channel(1);
-        scope.spawn(move || {
+        let readers: [_; READERS] = std::array::from_fn(|reader| {
+            let (sender, parts) = std::sync::mpsc::sync_channel(0);
+            let paths = others.iter().skip(reader).step_by(READERS).map(|(path, _)| path);
             // `send` fails after the loop below has returned an error. Then no more parts are read.
-            others.iter().map(|(path, _)| read(path)).find_map(|part| sender.send(part).err());
+            scope.spawn(move || paths.map(|path| read(path)).find_map(|part| sender.send(part).err()));
+            parts
         });
-        for (part, (path, _)) in parts.iter().zip(others) {
+        for (k, (path, _)) in others.iter().enumerate() {
+            let part = readers[k % READERS].recv().expect("a reader sends every part");
             sums.merge(&name(&first.0), &part?, &name(path))?;
         }
         Ok(sums)
