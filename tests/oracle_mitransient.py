@@ -3,7 +3,7 @@
 
     pip install mitransient mitsuba numpy      # and a recent LLVM (Debian: libllvm19)
     cargo build --release
-    python3 tests/oracle_mitransient.py [--estimator lcs-paper] [--fog]
+    python3 tests/oracle_mitransient.py [--estimator lcs-paper] [--fog] [--effort 10]
 
 The scene is a diffuse Cornell box with an area light, described once below. taugate reads it as glTF, Mitsuba as meshes.
 Both measure travel times from the light to the pinhole in metres. Mitsuba starts its rays on the near plane, so the script
@@ -137,17 +137,17 @@ def cells(image):
     return image.mean(axis=-1).reshape(n, CELL, n, CELL).mean(axis=(1, 3))
 
 
-def reference(gates, fog):
+def reference(gates, fog, effort):
     """Cells of Mitsuba's images: (seed, gate, row, column)."""
     scene, found = mitsuba_scene(fog), []
     for seed in range(SEEDS):
-        _, frames = mi.render(scene, spp=256, seed=seed)
+        _, frames = mi.render(scene, spp=256 * effort, seed=seed)
         frames = np.array(frames, dtype=np.float64)[..., :3]
         found.append([cells(frames[:, :, gate]) for gate in gates])
     return np.array(found)
 
 
-def ours(binary, scene, estimator, gates, shift, fog):
+def ours(binary, scene, estimator, gates, shift, fog, effort):
     """Cells of taugate's images through the gates moved by `shift` metres: (seed, gate, row, column)."""
     found, medium = [], []
     if fog:
@@ -160,7 +160,7 @@ def ours(binary, scene, estimator, gates, shift, fog):
             low = FIRST + WIDTH * gate + shift
             out = os.path.join(os.path.dirname(scene), "out.exr")
             subprocess.run([binary, "render", scene, "-o", out, "--gate", f"{low!r}m..{low + WIDTH!r}m", "--estimator", estimator,
-                            "--resolution", f"{SIZE}x{SIZE}", "--spp", "32", "--seed", str(seed), "--light-paths", "4000",
+                            "--resolution", f"{SIZE}x{SIZE}", "--spp", str(32 * effort), "--seed", str(seed), "--light-paths", "4000",
                             "--max-depth", "64", "--quiet", *medium], check=True, stdout=subprocess.DEVNULL)
             row.append(cells(np.array(mi.Bitmap(out), dtype=np.float64)[..., :3]))
         found.append(row)
@@ -184,15 +184,16 @@ def main():
     parser.add_argument("--binary", default="target/release/taugate")
     parser.add_argument("--estimator", default="lcs-paper")
     parser.add_argument("--fog", action="store_true")
+    parser.add_argument("--effort", type=int, default=1, help="factor of the samples per pixel of both renderers")
     arguments = parser.parse_args()
     gates = range(1, GATES, 4) if arguments.fog else range(GATES)
-    there = reference(gates, arguments.fog)
+    there = reference(gates, arguments.fog, arguments.effort)
     with tempfile.TemporaryDirectory() as folder:
         scene = os.path.join(folder, "box.gltf")
         write_gltf(scene)
-        here = ours(arguments.binary, scene, arguments.estimator, gates, 0.0, arguments.fog)
+        here = ours(arguments.binary, scene, arguments.estimator, gates, 0.0, arguments.fog, arguments.effort)
         shifted = ours(arguments.binary, scene, arguments.estimator, gates, 0.02 * (LAST - FIRST),
-                       arguments.fog)
+                       arguments.fog, arguments.effort)
     worst, z = greatest_z(here, there)
     apart, _ = greatest_z(shifted, there)
     ratio = here.mean() / there.mean()

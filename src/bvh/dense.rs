@@ -1,6 +1,7 @@
 //! A hierarchy for scenes with many triangles in one place. The builder of obvhs (PLOC) merges the two neighbours with the
 //! smallest union. If all boxes share a centre, all unions are equally large. PLOC then merges only one pair per pass: it takes
-//! quadratic time and returns a chain of nodes. This module replaces such groups of triangles with balanced subtrees.
+//! quadratic time and returns a chain of nodes. This module replaces such groups of triangles with balanced subtrees. Boxes that
+//! contain each other, each a little larger than the one before, have the same effect; [`are_nested`] finds them.
 
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
@@ -9,6 +10,7 @@ use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 
 use super::hash::hash;
+use super::merged;
 
 /// Groups of at most this many triangles with a common centre are left to obvhs: its chain over them is only a few levels long.
 pub const MAX_GROUP_FOR_OBVHS: usize = 16;
@@ -16,6 +18,10 @@ pub const MAX_GROUP_FOR_OBVHS: usize = 16;
 const CELL: f64 = 1.0 / 65536.0;
 /// Lower bound on the side of the cells, relative to the largest coordinate of the centre: a few units in the last place.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
+/// Number of boxes that [`are_nested`] looks at. PLOC takes at most 0.1 s for them, whatever they are.
+const SAMPLE: usize = 2048;
+/// Maximum number of passes over the sample. Usual scenes take less than 100.
+const MAX_PASSES: usize = 200;
 
 /// Boxes for obvhs: one box per single triangle, and one box per group of triangles with a common centre.
 pub struct Groups {
@@ -59,6 +65,16 @@ impl Groups {
         }
         bvh
     }
+}
+
+/// Whether so many boxes contain each other that PLOC would take quadratic time. Each of them prefers the next smaller one, so a pass
+/// merges one pair of such a chain. Counts the passes over a sample. False for at most [`SAMPLE`] boxes.
+pub fn are_nested(boxes: &[Aabb]) -> bool {
+    if boxes.len() <= SAMPLE {
+        return false;
+    }
+    let sample: Vec<Aabb> = boxes.iter().step_by(boxes.len().div_ceil(SAMPLE)).copied().collect();
+    merged(&sample).max_depth > MAX_PASSES
 }
 
 /// A hierarchy over all triangles that halves their number on every level, wherever they lie. Its depth is log2 of their number,

@@ -62,27 +62,39 @@ impl Bvh {
 pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
     let triangle = |c: &[[f32; 3]; 3]| Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() };
     let boxes: Vec<Aabb> = corners.iter().map(|c| triangle(c).aabb()).collect();
-    let bvh = Bvh::new(match Groups::find(&boxes) {
-        None => wide(&clustered(&boxes)),
-        Some(groups) => wide(&groups.expand(clustered(&groups.boxes), &boxes)),
-    });
+    let groups = Groups::find(&boxes);
+    let crowds = groups.as_ref().map_or(&boxes, |groups| &groups.boxes);
+    if dense::are_nested(crowds) {
+        return Bvh::new(wide(&dense::halved(&boxes)));
+    }
+    let outer = clustered(crowds);
+    let bvh = Bvh::new(wide(&match &groups {
+        None => outer,
+        Some(groups) => groups.expand(outer, &boxes),
+    }));
     // Triangles nested over many orders of magnitude can make the hierarchy deeper than the stacks.
     if bvh.levels() > MAX_LEVELS { Bvh::new(wide(&dense::halved(&boxes))) } else { bvh }
 }
 
+const PARAMETERS: BvhBuildParams = BvhBuildParams::medium_build();
+
 /// Builds a hierarchy with the steps of `obvhs::cwbvh::builder::build_cwbvh_from_tris`. That function itself panics on deep
 /// hierarchies in debug builds.
 fn clustered(boxes: &[Aabb]) -> Bvh2 {
-    const PARAMETERS: BvhBuildParams = BvhBuildParams::medium_build();
-    let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
+    let mut bvh = merged(boxes);
+    ReinsertionOptimizer::default().run(&mut bvh, PARAMETERS.reinsertion_batch_ratio, None);
+    bvh
+}
+
+/// The hierarchy of obvhs's builder, PLOC. Its `max_depth` is more than the number of passes.
+fn merged(boxes: &[Aabb]) -> Bvh2 {
+    PlocBuilder::with_capacity(boxes.len()).build(
         PARAMETERS.ploc_search_distance,
         boxes,
         (0..boxes.len() as u32).collect(),
         PARAMETERS.sort_precision,
         PARAMETERS.search_depth_threshold,
-    );
-    ReinsertionOptimizer::default().run(&mut bvh, PARAMETERS.reinsertion_batch_ratio, None);
-    bvh
+    )
 }
 
 fn wide(bvh: &Bvh2) -> CwBvh {

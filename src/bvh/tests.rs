@@ -121,6 +121,25 @@ fn triangles_nested_over_many_orders_of_magnitude_fit_the_stacks() {
     }
 }
 
+/// With PLOC alone, the largest of these cases take minutes.
+#[test]
+fn many_triangles_that_contain_each_other_are_built_soon() {
+    let shrunk = |x: f32, depth: f32| [[0.0; 3], [x, 0.0, 0.0], [0.0, x, depth * x]];
+    let by_ratio = |n, ratio: f32, depth| (0..n).map(move |k: i32| shrunk(ratio.powi(-k), depth));
+    let steps = |n: usize| (1..=n).map(move |k| [[0.0; 3], [k as f32 / n as f32, 0.0, 0.0], [0.0, 1e-3, 0.0]]);
+    let cases: [(&str, Vec<Corners>); 5] = [
+        ("few", steps(8000).collect()),
+        ("a ratio of 1.0005", by_ratio(40_000, 1.0005, 0.0).collect()),
+        ("a ratio of 1.0002", by_ratio(100_000, 1.0002, 0.3).collect()),
+        ("a ratio of 1.002", by_ratio(100_000, 1.002, 0.1).collect()),
+        ("equal steps", steps(100_000).collect()),
+    ];
+    for (name, nested) in cases {
+        check(name, &nested);
+        check(&format!("{name} in a room"), &[scattered(20_000), nested].concat());
+    }
+}
+
 #[test]
 fn a_scene_without_crowds_is_left_to_the_builder() {
     let corners = [scattered(3000), vec![ONE; MAX_GROUP_FOR_OBVHS]].concat();
