@@ -19,25 +19,29 @@ const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 const TOUCHING: f64 = 64.0 * ROUNDING;
 /// Maximum number of warnings about pairs.
 const MAX_REPORTED: usize = 10;
+/// Number of triangles that the triangles of all lamps together are compared with. In usual scenes there are far fewer. Without a limit,
+/// 40,000 overlapping lamps take half a minute.
+const MAX_COMPARED: usize = 20_000_000;
 /// Distance that separates a lamp from a surface in all cases, relative to the size of the scene.
 const APART: f64 = 1e-4;
 
 /// Returns one warning, with the remedy, per pair of nodes: a lamp, and another surface or lamp that overlaps it in the same
 /// plane. The warnings are sorted. After [`MAX_REPORTED`] of them, a last sentence gives the number of the other pairs.
-/// Triangles that only share edges or corners do not overlap.
+/// Triangles that only share edges or corners do not overlap. Pairs are missing if more than [`MAX_COMPARED`] triangles would have to be
+/// compared.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     let emits = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
     // Instance of the lamp, instance of the other surface, whether the other surface is a lamp too. Two lamps are ordered by
     // instance, so that their pair is listed once.
-    let pairs: BTreeSet<(u32, u32, bool)> = geometry
-        .triangles
-        .par_iter()
-        .filter(|t| emits(t))
+    let lamps: Vec<&Triangle> = geometry.triangles.par_iter().filter(|t| emits(t)).collect();
+    let limit = MAX_COMPARED / lamps.len().max(1);
+    let pairs: BTreeSet<(u32, u32, bool)> = lamps
+        .into_par_iter()
         .map(|t| (t, PlanarTriangle::new(t)))
         .filter(|(_, lamp)| lamp.normal != DVec3::ZERO)
         .flat_map_iter(|(t, lamp)| {
             let mut found = BTreeSet::new();
-            near(geometry, &lamp, |other| {
+            near(geometry, &lamp, limit, |other| {
                 let pair = match emits(other) {
                     true => (t.instance.min(other.instance), t.instance.max(other.instance), true),
                     false => (t.instance, other.instance, false),
@@ -136,8 +140,9 @@ fn overlap(a: &PlanarTriangle, b: &PlanarTriangle) -> bool {
     !edges.map(|e| e.perp().normalize_or_zero()).any(apart_along)
 }
 
-/// Calls `visit` with the triangles of every leaf whose box meets the plane of `lamp` inside the box of `lamp`.
-fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, mut visit: impl FnMut(&'g Triangle)) {
+/// Calls `visit` with the triangles of every leaf whose box meets the plane of `lamp` inside the box of `lamp`, until it was called about
+/// `limit` times.
+fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, limit: usize, mut visit: impl FnMut(&'g Triangle)) {
     let slack = 4.0 * ROUNDING * lamp.size;
     let low = lamp.corners.into_iter().reduce(DVec3::min).expect("three corners") - slack;
     let high = lamp.corners.into_iter().reduce(DVec3::max).expect("three corners") + slack;
@@ -150,12 +155,16 @@ fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, mut visit: impl FnMut
     };
     let nodes = &geometry.bvh.host.nodes;
     let mut open: Vec<usize> = if nodes.is_empty() { vec![] } else { vec![0] };
-    while let Some(i) = open.pop() {
+    let mut visited = 0;
+    while visited <= limit
+        && let Some(i) = open.pop()
+    {
         let node = &nodes[i];
         for child in (0..8).filter(|&c| !node.is_child_empty(c)).filter(|&c| overlaps(node, c)) {
             if node.is_leaf(child) {
                 let (first, count) = node.child_primitives(child);
                 geometry.triangles[first as usize..(first + count) as usize].iter().for_each(&mut visit);
+                visited += count as usize;
             } else {
                 open.push(node.child_node_index(child) as usize);
             }
@@ -165,11 +174,14 @@ fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, mut visit: impl FnMut
 
 #[cfg(test)]
 mod tests {
+    use std::time::{Duration, Instant};
+
     use super::*;
-    use crate::generate::shapes::{inside_out, quad};
+    use crate::generate::shapes::{append, inside_out, quad};
     use crate::generate::stage::{about, add, camera, emitter, material};
     use crate::generate::{Kind, build};
     use crate::render::albedo::AlbedoTable;
+    use crate::scene::Mesh;
     use crate::settings::Emitters;
     use glam::DAffine3;
 
@@ -237,6 +249,26 @@ mod tests {
         }
         // A copy with the same orientation is dropped before, so no pair is left.
         assert_eq!(warnings_of_two_lamps(true, false, 0.0, 0.0), Vec::<String>::new());
+    }
+
+    /// Every lamp overlaps every other one. To compare all pairs takes half a minute.
+    #[test]
+    fn a_crowd_of_lamps_in_one_plane_is_found_soon() {
+        let mut crowd = Mesh::default();
+        for k in 0..20_000 {
+            let lamp = quad(DVec3::Y, DVec3::X, DVec3::Z, [1.0; 2]);
+            append(&mut crowd, &lamp, DAffine3::from_scale(DVec3::new(1.0 + 1e-4 * f64::from(k), 1.0, 1.0)));
+        }
+        let mut scene = Scene::default();
+        let lamp = material(&mut scene, emitter("lamp", [1.0; 3]));
+        add(&mut scene, "crowd", lamp, crowd);
+        camera(&mut scene, DVec3::ZERO, DVec3::Y, 1.0, [8, 8]);
+        let space = RenderSpace::new(&scene, DVec3::ZERO, &Emitters::Scene);
+        let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+        let start = Instant::now();
+        let found = warnings(&scene, &geometry, &space);
+        assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+        assert!(found.len() == 1 && found[0].contains("'crowd' has surfaces that overlap"), "{found:?}");
     }
 
     #[test]
