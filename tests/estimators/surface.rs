@@ -1,11 +1,14 @@
 //! Properties that vary over a surface: roughness and metalness, vertex colours, normal maps. The estimators agree with the
 //! oracle and with closed forms.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter};
+use taugate::internals::generate::stage::{add, camera, diffuse, emitter, metal, plastic};
 use taugate::internals::generate::zoo::{Light, zoo};
+use taugate::internals::oracle::bsdf::{Bsdf, PreparedMaterial};
 use taugate::internals::scene::{Image, Material, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
@@ -295,6 +298,54 @@ fn a_leaning_normal_loses_no_more_than_the_light_from_below() {
             let (mean, error) = Cells::measure(&mut renderer(&scene, &s), Gate::OPEN, 8, 1, 16, 60).whole();
             eprintln!("{estimator} from x = {x}: {mean:.5} +- {error:.5}, expected {expected:.5}");
             assert!((mean - expected).abs() < threshold(8) * error + 1e-4, "{estimator}, {x}: {mean} +- {error}");
+            assert!(error < 0.01);
+        }
+    }
+}
+
+/// Light that a plane with this normal sends towards `wo` if a radiance of 1 arrives from all directions above z = 0: an integral with
+/// the BSDF of the oracle.
+fn albedo(bsdf: &Bsdf, normal: DVec3, wo: DVec3) -> f64 {
+    let x = normal.any_orthonormal_vector();
+    let local = |d: DVec3| DVec3::new(d.dot(x), d.dot(normal.cross(x)), d.dot(normal));
+    let (rings, sectors) = (300, 600);
+    let mut sum = 0.0;
+    for i in 0..rings {
+        let cosine = (i as f64 + 0.5) / rings as f64;
+        let sine = (1.0 - cosine * cosine).sqrt();
+        for j in 0..sectors {
+            let (sin, cos) = (TAU * (j as f64 + 0.5) / sectors as f64).sin_cos();
+            let wi = local(DVec3::new(sine * cos, sine * sin, cosine));
+            sum += bsdf.eval(wi, local(wo))[0] * wi.z.max(0.0);
+        }
+    }
+    sum * TAU / (rings * sectors) as f64
+}
+
+/// White furnace with a normal map: rough metal and plastic reflect the light from above that their lobes at the turned normal collect,
+/// and no more than arrives. Viewers behind the turned normal see a flat plane.
+#[test]
+fn leaning_glossy_lobes_gain_nothing() {
+    let normal = DVec3::new(0.709804, 0.003922, 0.709804).normalize();
+    for (x, material) in [
+        (1.5, metal("metal", [1.0; 3], 0.5)),
+        (0.2, metal("metal", [1.0; 3], 0.5)),
+        (-1.5, metal("metal", [1.0; 3], 0.5)),
+        (1.5, plastic("plastic", [1.0; 3], 0.5)),
+    ] {
+        let scene = leaning(DVec3::new(x, 0.2, 0.6), material.clone());
+        let prepared = PreparedMaterial::new(&material);
+        let bsdf = prepared.at([1.0; 3]);
+        let pixels = (0..64).map(|i| [f64::from(i % 8) + 0.5, f64::from(i / 8) + 0.5]);
+        let towards_eye = pixels.map(|pixel| -scene.cameras[0].direction([8, 8], pixel));
+        let seen = |wo: DVec3| if wo.dot(normal) > 0.0 { normal } else { DVec3::Z };
+        let expected = towards_eye.map(|wo| albedo(&bsdf, seen(wo), wo)).sum::<f64>() / 64.0;
+        assert!(expected < 1.001, "{expected}");
+        for estimator in feature_estimators(&scene) {
+            let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
+            let (mean, error) = Cells::measure(&mut renderer(&scene, &s), Gate::OPEN, 8, 2, 16, 60).whole();
+            eprintln!("{} from x = {x}, {estimator}: {mean:.5} +- {error:.5}, expected {expected:.5}", material.name);
+            assert!((mean - expected).abs() < threshold(8) * error + 2e-3, "{estimator}, {x}: {mean} +- {error}");
             assert!(error < 0.01);
         }
     }
