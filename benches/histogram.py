@@ -75,7 +75,8 @@ class Case:
         """The histogram after about `seconds` of processor time, and this time without start-up."""
         out, key = os.path.join(self.folder, "out.npy"), tuple(flags)
         if key not in self.costs:
-            start_up, pilot = (cpu_seconds(self.command(flags, samples, 0, out)) for samples in (1, PILOT))
+            # The first render may compile kernels and is not counted.
+            _, start_up, pilot = (cpu_seconds(self.command(flags, samples, 0, out)) for samples in (1, 1, PILOT))
             self.costs[key] = start_up, max((pilot - start_up) / (PILOT - 1), 1e-6)
         start_up, per_sample = self.costs[key]
         spent = cpu_seconds(self.command(flags, max(PILOT, round(seconds / per_sample)), seed, out))
