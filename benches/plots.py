@@ -5,8 +5,8 @@
     python3 benches/plots.py                                             # draw from the notebook
     python3 benches/plots.py --growth bench-all/scaling/results.csv      # first update growth.csv from a new run of the scaling suite
 
-gate-width.svg shows the table of docs/notebook/gate-width.md. growth.svg shows docs/notebook/growth.csv: median costs relative to the
-first step of each sweep.
+gate-width.svg shows the table of docs/notebook/gate-width.md. growth.svg shows the median costs in docs/notebook/growth.csv, divided by
+the cost of the first step of each sweep.
 """
 import argparse
 import csv
@@ -87,7 +87,10 @@ def draw_growth():
 
 
 def gate_width_rows():
-    """Rows of the table in gate-width.md: (width, {estimator: (ratio over all pixels, ratio without the worst 1 %)})."""
+    """Rows of the table in gate-width.md: (width, {estimator: (ratio over all pixels, ratio without the worst 1 %)}).
+
+    A ratio is the error of the better of bdpt and pt, divided by the error of the estimator.
+    """
     with open(os.path.join(NOTEBOOK, "gate-width.md")) as file:
         for line in file:
             cells = [cell.strip() for cell in line.strip().strip("|").split("|")]

@@ -27,7 +27,7 @@ class GridFile:
 
 
 def grid_file(array):
-    """The :class:`GridFile` of an array (Z, Y, X) of densities. Equal arrays share a file, so that renders need not prepare it again."""
+    """The :class:`GridFile` of an array (Z, Y, X) of densities. Equal arrays share a file, so renders need not prepare the grid again."""
     if array.ndim != 3 or array.dtype.kind not in "fiub":
         raise SettingsError(f"density_grid is an array of {array.dtype} with the shape {array.shape}, but must be numbers (Z, Y, X)")
     array = np.ascontiguousarray(array, dtype="<f4")

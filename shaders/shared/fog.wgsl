@@ -13,7 +13,8 @@ fn segment_start(q: PathVertex, segment: FogSegment) -> vec3<f32> {
     return q.position + segment.length * q.to_previous;
 }
 
-// Distances s along the segment before q at which an event may connect to v inside the gate. Empty (x > y) if there are none.
+// Distances s along the segment before q at which an event may connect to v inside the gate. Empty (x >= y) if there are none. If q is
+// an event itself, the segment continues beyond q to the next surface.
 fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32> {
     let limit = min(segment.limit, MAX_LENGTH);
     let w = -q.to_previous;
@@ -31,7 +32,8 @@ fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32>
     return vec2<f32>(first, min(min(last, limit), extent.y));
 }
 
-// Whether light of the deterministic vertex v may reach an event on the segment before q inside the gate.
+// Whether an event for the deterministic vertex v can be drawn on the segment before q: the `gate_interval` is not empty, v is no sun,
+// and the path is not too deep.
 fn can_draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex) -> bool {
     let interval = gate_interval(q, segment, v);
     return interval.x < interval.y && is_drawn_in_gate(v) && (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u <= frame.max_depth;
@@ -48,8 +50,8 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     let along = dot(w, v.position - x);
     let a = interval.x - along;
     let b = interval.y - along;
-    // Equiangular events lie about as far from v as the height. The lower limit keeps the squares of these distances from underflowing,
-    // for example if v is at the start of the segment.
+    // Distance from v to the ray. Equiangular events lie about as far from v. The lower limit keeps the squares of these distances from
+    // underflowing, for example if v is at the start of the segment.
     let height = max(length(v.position - x - along * w), max(1e-6 * max(abs(along), interval.x), 1e-8));
     let angle = angle_of(vec2<f32>(height * height + a * b, height * (b - a)));
     let rate = max(mean_extinction(stretch_at(x, w, interval.x).medium), 1e-3 / (b - a));
@@ -78,7 +80,7 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     event.owner = q.owner;
     event.d_vc = segment.d_vc;
     let depths = optical_depths(x, w, s);
-    // At depth 1, no other strategy forms the path, so d_vcm stays 0 (`follows_connected` in light_splat.wgsl).
+    // At depth 1, no other strategy forms the path, so d_vcm stays 0: light_splat.wgsl skips vertices that `follows_connected`.
     if ((q.flags & VERTEX_DEPTH) > 1u) {
         event.d_vcm = min(segment.d_vcm * mis(s * s / flight_density(depths.scattering)), MAX_SUM);
     }

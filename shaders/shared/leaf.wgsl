@@ -1,4 +1,5 @@
-// Leaf records: the data that a query needs to choose a vertex in a leaf. Only the chosen vertex is then loaded whole.
+// Leaf records: the data that a query needs to choose a vertex in a leaf. Only the chosen vertex, and punctual lights, are loaded
+// whole.
 #import tree
 #import vertex
 
@@ -26,8 +27,8 @@ fn unpack_direction(word: u32) -> vec3<f32> {
     return vec3<f32>(bits) * (1.0 / 511.0);
 }
 
-// Makes a vertex from its leaf record; only the fields that `vertex_importance` reads are set. Spots and beams need more, so
-// punctual lights are loaded whole.
+// Makes a vertex from its leaf record; only the fields that `vertex_importance` reads are set. A spot light also needs its
+// axis and its cone, so punctual lights are loaded whole.
 fn load_leaf_vertex(index: u32) -> PathVertex {
     let place = bitcast<vec4<f32>>(textureLoad(leaf_records, 2u * index, 0));
     let rest = textureLoad(leaf_records, 2u * index + 1u, 0);

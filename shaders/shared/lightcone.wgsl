@@ -10,8 +10,8 @@ struct Shell {
     // Minimum and maximum travel time per length along a connection: see `eta_range`.
     eta_lo: f32,
     eta_hi: f32,
-    // If HAS_HOLE, optical lengths strictly between hole_lo and hole_hi miss all responses: ends of the hole minus q_tau, narrowed by the
-    // rounding allowance.
+    // If HAS_HOLE: ends of the hole minus q_tau, narrowed by the rounding allowance. A connection whose optical length is strictly between
+    // hole_lo - v_tau and hole_hi - v_tau counts for no response.
     hole_lo: f32,
     hole_hi: f32,
 }
@@ -41,8 +41,8 @@ fn spatial_overlap(d: vec2<f32>, shell: Shell) -> f32 {
 }
 
 // First (x) and last (y) bucket that can hold time-valid vertices, which are vertices in the shell (Eqs. 23 and 24). Buckets in this
-// range are live. If all travel times of the node are equal, the formula is 0 / 0. All buckets are then live, which is right, because
-// the node was not pruned.
+// range are live. If all travel times of the node are equal, the formula divides by 0, and bucket 0 holds all power. The minimum of 1e-30
+// then makes bucket 0 live, which is right, because the node was not pruned.
 fn live_buckets(c: TreeChild, d: vec2<f32>, shell: Shell) -> vec2<f32> {
     let scale = BUCKET_COUNT / max(c.tau_hi - c.tau_lo, 1e-30);
     let first = clamp(floor((shell.lo - d.y - c.tau_lo) * scale), 0.0, 7.0);

@@ -1,6 +1,7 @@
 // Which transmitting solid a path is in. Codes: OUTSIDE_SOLIDS, CLEAR_SOLID, or FIRST_INTERIOR plus the index into `media` of the
 // medium inside. A path learns its solid from the side of each transmitting surface that it hits. Between such surfaces, and at
-// opaque objects inside of a solid, it carries the code in its flags.
+// opaque objects inside of a solid, it carries the code in its flags. Without HAS_INTERIORS no medium depends on the solid. Paths then
+// carry no code, and `path_solid` is always OUTSIDE_SOLIDS.
 #import material
 #import path
 

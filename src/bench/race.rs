@@ -41,7 +41,7 @@ impl<'a> Race<'a> {
         Ok(Race { timed_renderers: job.entries.iter().map(timed).collect::<Result<_>>()?, job, references })
     }
 
-    /// One repetition: every variant renders for `seconds`, up to the nearest end of an iteration. `watch` is called after each turn
+    /// One repetition: every variant renders until the end of the iteration nearest to `seconds`. `watch` is called after each turn
     /// with the seconds of that turn, and returns whether to continue. Returns the rows, at most one per variant and time point, or
     /// `None` if `watch` stopped the work.
     pub fn run(

@@ -47,7 +47,7 @@ fn plain(name: &str) -> String {
     name.replace(' ', "-")
 }
 
-/// Writes `report.md`, its pictures and `growth.csv` into `out`. Returns the path of the page.
+/// Writes `report.md` and its pictures into `out`, and `growth.csv` if the suite has sweeps. Returns the path of the page.
 pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
     let mut text = header(page) + &against_the_paper(page);
     for (scene, entries) in page.scenes {
@@ -97,18 +97,20 @@ fn header(page: &Page) -> String {
         let _ = writeln!(
             text,
             "relMSE: {RELMSE_FORMULA}. Trimmed relMSE leaves out the worst {:.0} % of the pixels of each image, where a few rare \
-             bright samples (in the image or in its reference) dominate. This number does not show such samples. A black image has a relMSE \
-             of about 1, so there is no ratio if both errors are larger. \"Reference too noisy\": the error of the reference is not {MARGIN} times \
-             smaller than all errors of the variant, so the page leaves the number out. FLIP: mean of HDR-FLIP. \"Times lower\": \
-             relMSE of the better of bdpt and pt divided by relMSE of the variant, in the same repetition. Slope: exponent of \
-             relMSE (of trimmed relMSE if relMSE is left out) as a power of time; -1 if errors are independent noise.",
+             bright samples (in the image or in its reference) dominate. Trimmed relMSE does not show such samples. \
+             \"Reference too noisy\": the error of the reference is too large, or not {MARGIN} times smaller than all errors of the \
+             variant, so the page leaves the number out. FLIP: mean of HDR-FLIP. \"Times lower\": relMSE of the better of bdpt \
+             and pt divided by relMSE of the variant, in the same repetition. This ratio is left out if both errors are above 1, \
+             which is about the relMSE of a black image. Slope: exponent of relMSE (of trimmed relMSE if \
+             relMSE is left out) as a power of time; -1 if errors are independent noise.",
             100.0 * TRIMMED
         );
     }
     let _ = writeln!(
         text,
-        "Light vertices: number per iteration. Queries: connections tried at shade points. Dead: share of the queries without a light \
-         vertex that passes the tests of gate, maximum depth and facing. Dropped: number of samples that were not finite."
+        "Light vertices: number per iteration. Queries: connections tried at shade points. Dead: share of the queries that find no \
+         light vertex which passes the tests of gate, maximum depth and facing. Dropped: number of samples that were not finite, as \
+         the sum over the repetitions."
     );
     for sentence in page.missing {
         let _ = writeln!(text, "\n{sentence}.");
@@ -148,7 +150,9 @@ fn against_the_paper(page: &Page) -> String {
     }
     String::from(
         "\n## Comparison with the paper\n\nThe paper measured over all pixels, with its own machine, gates and references. \"-\": the \
-         reference is too noisy, or both images are worse than a black one.\n\n| scene | variant | relMSE, times lower | trimmed relMSE, times lower | the paper reports |\n\
+         reference is too noisy, the suite has no baseline (bdpt or pt), or variant and baseline are both worse than a \
+         black image.\n\n\
+         | scene | variant | relMSE, times lower | trimmed relMSE, times lower | the paper reports |\n\
          |---|---|---|---|---|\n",
     ) + &text
 }

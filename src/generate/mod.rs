@@ -32,7 +32,7 @@ pub enum Kind {
     CornellBoxOf {
         /// Roughness of the metal box, 0 to 1: the square root of the GGX alpha.
         roughness: f32,
-        /// Lower bound on the number of triangles, which is 34 times a power of four, plus two for the light.
+        /// Lower bound on the number of triangles. The scene has 34 * 4^n + 2 of them, with the smallest n that suffices.
         triangles: u32,
     },
     /// Closed diffuse sphere around a point light and a pinhole, whose gated radiance [`crate::oracle::sphere`] gives exactly.

@@ -16,7 +16,7 @@ pub fn plain(message: &str, text: &str, at: usize, home: impl Fn(&str) -> Option
 struct Place {
     /// The table as the user writes it, such as `[render]` or `[[light]]`; empty outside tables.
     table: String,
-    /// The key whose value is wrong; `None` if the mistake is not a value.
+    /// The key whose value is wrong; `None` if the mistake is not a value, or is an element of a list.
     key: Option<String>,
 }
 
@@ -124,7 +124,7 @@ fn wanted_value(wanted: &str, key: &str) -> String {
     }
 }
 
-/// The table of an experiment file that has this key.
+/// Name of the table to which `key` belongs in an experiment file; `None` if it belongs to no table.
 pub fn table_of(key: &str) -> Option<&'static str> {
     struct Find<'a>(&'a str, bool);
     impl Visitor for Find<'_> {
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(Place::new("a", 99), Place::default());
     }
 
-    /// The plain text for each message of serde and toml, for each table and each type.
+    /// Files with typical mistakes, and a part of the message about each.
     #[test]
     fn no_message_names_a_type_of_rust() {
         let tables = [

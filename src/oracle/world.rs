@@ -144,7 +144,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Index of refraction of a material.
+    /// Index of refraction of a material, relative to vacuum.
     pub fn ior_of(&self, material: u32) -> f64 {
         self.scene.materials[material as usize].ior.into()
     }

@@ -126,8 +126,8 @@ impl Allocation {
     }
 
     /// Counts for an iteration with `samples` samples per pixel on average. Their sum differs from `samples` times the number
-    /// of pixels by at most two. Each count is proportional to the square root of variance / luminance^2, within bounds. Both
-    /// values are estimated over 3 x 3 pixels. This minimises the mean relative error: the sum of variance / (count
+    /// of pixels by at most two. Each count is a lower bound plus a multiple of the square root of variance / luminance^2, up to an
+    /// upper bound. Both values are estimated over 3 x 3 pixels. This minimises the mean relative error: the sum of variance / (count
     /// luminance^2) (Neyman 1934, "On the Two Different Aspects of the Representative Method", optimum allocation). All
     /// counts are equal until each pixel has two samples.
     pub fn counts(&self, samples: u32) -> SampleCounts {

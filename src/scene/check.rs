@@ -182,7 +182,7 @@ fn check_camera(camera: &Camera) -> Checked {
             if aims.is_empty() || !aims.iter().all(is_valid) {
                 return Err(format!(
                     "{} aims at no point, at its own place, at a point farther than {MAX_COORDINATE:e} m from the origin, or omits \
-                     a negative length",
+                     a length that is negative or above {MAX_COORDINATE:e} m",
                     name()
                 ));
             }
@@ -210,8 +210,8 @@ pub(super) fn is_unit(v: DVec3) -> bool {
     (v.length() - 1.0).abs() < UNIT
 }
 
-/// True if the transform flattens space to a plane, a line or a point, or nearly so: it has no useful inverse. A transform may make
-/// rods and plates of any shape whose thickness is more than 1e-12 of their length.
+/// True if the matrix of the transform flattens space to a plane, a line or a point, or nearly so, or is not finite: it then has no
+/// useful inverse. Thin rods and plates are allowed if their thickness is more than 1e-12 of their length.
 pub fn is_singular(transform: &DAffine3) -> bool {
     let matrix = transform.matrix3;
     let longest = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
@@ -251,12 +251,12 @@ mod tests {
         assert!(is_singular(&scale(f64::NAN, 1.0, 1.0)));
         assert!(!is_singular(&scale(1.0, 1e-6, 1.0)));
         assert!(!is_singular(&scale(1e-30, -1e-30, 1e-30)));
-        // A cable of 1 mm and 1 km, and a wall of 1 km and 1 nm.
+        // A cable 1 mm thick and 1 km long, and a wall 1 nm thick and 1 km long.
         assert!(!is_singular(&scale(5e-4, 5e-4, 1e3)));
         assert!(!is_singular(&scale(1e3, 1e-9 * 1.1, 1e3)));
         assert!(is_singular(&scale(1.0, 1e-13, 1.0)));
         assert!(is_singular(&scale(1.0, 1e-13, 1e-13)));
-        // Long axes in one plane.
+        // No axis is short, but all lie nearly in one plane.
         let matrix3 = glam::DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(0.5, 0.5, 1e-13));
         assert!(is_singular(&DAffine3 { matrix3, ..DAffine3::IDENTITY }));
     }

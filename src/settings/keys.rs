@@ -4,7 +4,8 @@ use serde::de::value::StringDeserializer;
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, Visitor};
 use serde::forward_to_deserialize_any;
 
-/// Wraps a deserializer of a table, or a part of one, and replaces underscores in the table's keys by dashes.
+/// Wraps the deserializer of a table, and replaces underscores in the table's keys with dashes. For this, it also wraps the visitor, the
+/// map access and the key seed.
 pub struct Dashed<T>(pub T);
 
 impl<'de, D: Deserializer<'de>> Deserializer<'de> for Dashed<D> {

@@ -54,8 +54,8 @@ use crate::wgsl::layout::constants::MAX_SUBTREES;
 pub const DEFAULT_SPP: u32 = 64;
 /// Default for the maximum number of segments of a path. A white room loses less than 1 % of its light.
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
-/// Minimum of the default for M, the number of light subpaths per iteration whose vertices are stored. The default is one per
-/// pixel, clamped to this minimum and to the maximum in the estimator's record.
+/// Minimum of the default for `light_paths` (M of the paper). The default is one light subpath per pixel, clamped to this minimum and
+/// to the maximum in the estimator's record.
 pub const MIN_DEFAULT_LIGHT_PATHS: u32 = 4096;
 /// Default for B of the paper, the number of power buckets per node.
 pub const DEFAULT_BUCKETS: u32 = 8;
@@ -76,7 +76,7 @@ pub const MAX_PIXELS: u64 = 1 << 26;
 pub const MAX_SPP: u32 = 1 << 24;
 /// Maximum of the setting `max_depth`: a vertex stores its number of segments in 8 bits.
 pub const MAX_DEPTH: u32 = 254;
-/// Maximum number of light subpaths per iteration.
+/// Maximum of each of the settings `light_paths` and `splat_paths`.
 pub const MAX_LIGHT_PATHS: u32 = 1 << 24;
 /// Maximum number of tree queries per shade point and tree.
 pub const MAX_QUERIES: u32 = 64;

@@ -67,7 +67,7 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
         names
     }
 
-    /// Opens a device and compiles the kernel for it. A test fails where there is no device.
+    /// Compiles the kernel for the device of this test. Fails the test if there is no device.
     pub fn compile(&self, constants: &[(&str, f64)]) -> CompiledFunction {
         let device = device();
         let kernel = Kernel::from_source(&device, "test", &self.text(), "test_main", constants);

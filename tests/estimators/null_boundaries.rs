@@ -51,7 +51,7 @@ fn room(lamps: Light, density: f64, bounds: Bounds, is_inside: bool) -> Scene {
     if bounds == Bounds::MeshesInsideOut {
         let instance = scene.instances.last_mut().unwrap();
         instance.transform = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
-        // A reflection turns the mesh inside out as well, so the mesh is turned twice.
+        // Negating x below also turns the mesh inside out. This `inside_out` cancels that, so the triangles still face inwards.
         let mesh = &mut scene.meshes[instance.mesh as usize];
         *mesh = inside_out(std::mem::take(mesh));
         mesh.positions.iter_mut().for_each(|p| p[0] = -p[0]);
@@ -79,7 +79,7 @@ fn compare(lamps: Light, is_inside: bool, gate: [f64; 2], estimators: &[Estimato
         }
     }
     let denser = image(&room(lamps, 1.5, Bounds::Meshes, is_inside), Estimator::Bdpt, gate, iterations, 100);
-    assert!(!disagreements(&boxes, &denser).is_empty(), "{gate:?}");
+    assert!(!disagreements(&boxes, &denser).is_empty(), "{gate:?}: denser fog is not rejected");
 }
 
 #[test]

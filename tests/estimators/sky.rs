@@ -36,7 +36,7 @@ fn radiance(estimator: Estimator, scene: &Scene, max_depth: u32) -> (f64, f64) {
     Cells::measure(&mut renderer(scene, &settings), Gate::OPEN, 8, 1, 8, 100).whole()
 }
 
-/// Asserts that the estimators see the radiance `truth`, and notice if it is off by 5 %.
+/// Asserts that the estimators see the radiance `truth`, and that the test would notice an error of 5 %.
 fn sees(name: &str, scene: &Scene, max_depth: u32, truth: f64) {
     for estimator in unlike_estimators(scene) {
         let (mean, error) = radiance(estimator, scene, max_depth);
@@ -82,7 +82,7 @@ fn a_convex_body_has_its_albedo_times_the_radiance_of_the_sky() {
 }
 
 /// A white furnace: objects that absorb nothing look like the sky behind them, whether they are concave, mirrors or
-/// glass. Light is lost only to paths that are too long. Faces are flat, because shading normals lose light.
+/// glass. Light is lost only where paths reach the maximum depth. Faces are flat, because shading normals lose light.
 #[test]
 fn objects_that_absorb_nothing_vanish_under_a_white_sky() {
     let white = || diffuse("white", [1.0; 3]);

@@ -118,8 +118,8 @@ fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * (a.dot(b.cross(c)).abs() / (1.0 + a.dot(b) + b.dot(c) + c.dot(a))).atan()
 }
 
-/// The sensor sees every point on a camera ray in the pixel from which the ray starts. The nearest point of the film is checked
-/// against all corners and edges in f64.
+/// The sensor sees every point on a camera ray in the pixel from which the ray starts. The nearest point of the film is the film
+/// point of the ray, clamped to the edges of the film.
 #[test]
 fn parallel_rays_invert_the_film() {
     let sensor = DVec3::new(0.3, -0.2, 0.1);
@@ -153,7 +153,7 @@ fn parallel_rays_invert_the_film() {
         assert!((f64::from(floats[7] * f.pixel_area) - 1.0).abs() < 1e-6);
         let nearest = sensor + x.clamp(x_edges[0], x_edges[1]) * right + y.clamp(y_edges[0], y_edges[1]) * up;
         assert!((vector(12) - nearest).length() < 1e-5, "{g:?}: {} {nearest}", vector(12));
-        // On the border of two pixels, both are right, and so are both sides of the sensor plane.
+        // On the border of two pixels, both pixels are right. In the sensor plane, a pixel and NONE are both right.
         if (px - px.round()).abs() < 1e-3 || (py - py.round()).abs() < 1e-3 || distance.abs() < 1e-5 {
             continue;
         }
@@ -165,7 +165,7 @@ fn parallel_rays_invert_the_film() {
     assert!(on > 3000 && results.len() - on > 3000);
 }
 
-/// All rays of a pixel lie in its square field of view. In f32, the sum of a large column and a number just below 1 is the next column.
+/// All rays of a pixel lie in its square field of view. In f32, a large column plus a number just below 1 rounds to the next column.
 #[test]
 fn rays_of_an_aimed_pixel_stay_in_its_field_of_view() {
     const COLUMNS: u32 = 65_535;

@@ -1,4 +1,4 @@
-//! The shade point as input of the importance of tree nodes: `shared/receiver.wgsl`, and the glossy lobe of
+//! `shared/receiver.wgsl`: a shade point in the form that the importance of tree nodes needs. Also the glossy lobe of
 //! `shared/importance.wgsl`.
 
 use glam::DVec3;

@@ -53,7 +53,7 @@ pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
     contents("frame", &[frame])
 }
 
-/// The buffer `frame` with the fields of a gate, filled in as a render does it. 3e38 stands for infinity.
+/// The buffer `frame` with the ends of a gate and the rounding allowance of a sensor at the origin. 3e38 stands for infinity.
 pub fn frame_with_gate(gate: Gate) -> Contents {
     frame(|f| {
         (f.gate_lo, f.gate_hi) = (gate.lo as f32, (gate.hi as f32).min(3e38));

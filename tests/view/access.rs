@@ -9,7 +9,7 @@ use thirtyfour::prelude::*;
 use crate::browser::{Page, visit};
 use crate::program::Program;
 
-/// Describes an element: its id, else its name and value, else its text. Radio buttons are one control per group.
+/// Describes an element: its id, else its tag and text. A group of radio buttons counts as one control, described by its name.
 const NAME: &str =
     "const name = e => e.type === 'radio' ? `${e.name} (choice)` : e.id || `${e.tagName} ${e.textContent.trim()}`;";
 

@@ -11,7 +11,7 @@ pub struct NotFinite {
     pub dropped: u64,
 }
 
-/// Adds to an error of the device that the files hold `what`, which was rendered before the error.
+/// Appends to the message of a device error that the files hold `what`: the results from before the error. Other errors stay the same.
 pub fn after(failure: Error, what: &str) -> Error {
     failure.map_device_message(|message| format!("{message}; the files hold {what}"))
 }

@@ -107,7 +107,7 @@ fn without_a_gate_pt_is_for_what_it_sees_well() {
         glossy.materials[0] = Material { metallic: 1.0, roughness, ..glossy.materials[0].clone() };
         assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
     }
-    // A texture multiplies the roughness by its mean.
+    // The mean of the texture's green channel multiplies the roughness.
     for (green, expected) in [([0, 255], Estimator::Pt), ([0, 102], Estimator::Bdpt)] {
         let rgba = green.iter().map(|&green| [255, green, 255, 255]).collect();
         let mut glossy = scene();
@@ -222,7 +222,7 @@ fn a_thin_gate_warns_or_needs_force() {
     assert_eq!(warnings("gate = { gate = '100m+0.0001mm', force = true }\nemitter.emitters = 'beam'"), 1);
 }
 
-/// A gate of a pulsed laser also counts light of late travel times, whose rounding errors are larger. The diagonal is 3.5 m.
+/// A gate that repeats also counts light with later travel times, up to 4 diagonals of the scene (14 m). Their rounding errors are larger.
 #[test]
 fn a_thin_gate_that_repeats_is_tested_at_late_travel_times() {
     let warnings = |keys: &str| {
@@ -257,7 +257,7 @@ fn a_printed_experiment_has_no_crop_of_the_whole_image() {
     };
     let mut whole = printed("camera.resolution = '64x64'");
     assert_eq!(whole.camera.crop, None);
-    // Another resolution shows the whole image, and not its top left quarter.
+    // A stored crop of 64x64 would cut a later render of 128x128 to its top left quarter.
     whole.camera.resolution = Some(Resolution([128, 128]));
     let settings = resolve(&whole, &scene()).unwrap().settings;
     assert_eq!(settings.crop(), Crop { x0: 0, x1: 128, y0: 0, y1: 128 });
@@ -352,7 +352,7 @@ fn outputs_are_named_after_the_image() {
     let sums = ok("gate.gates = '1m..2m/64'\noutput = { checkpoint = 'a.acc', output = ['b.acc', 'c.png'] }");
     let files: Vec<PathBuf> = ["b.acc", "c.png", "a.acc"].map(PathBuf::from).into();
     assert_eq!((sums.files(), sums.has_variance(), sums.checkpoint), (files, true, Some(("a.acc".into(), 60.0))));
-    // Sums of many gates have variances only if the user wants them.
+    // Sums of more than 64 gates have variances only if the user wants them.
     for (variance, wanted) in [("", false), (", variance = true", true)] {
         let many = ok(&format!("gate.gates = '1m..2m/65'\noutput = {{ output = 'a.acc'{variance} }}"));
         assert_eq!(many.has_variance(), wanted);
@@ -388,7 +388,7 @@ fn outputs_are_named_after_the_image() {
     }
 }
 
-/// In a scene that moves, the camera may be away from the origin of render space. Coordinates near it then have coarser steps.
+/// In a scene that moves, the camera may be away from the origin of render space. Coordinates near the camera then have coarser steps.
 #[test]
 fn thin_gates_of_scenes_that_move_are_judged_by_the_shifted_origin() {
     let mut scene = scene();
@@ -400,7 +400,7 @@ fn thin_gates_of_scenes_that_move_are_judged_by_the_shifted_origin() {
     scene.moving = Some([].into());
     let warnings = resolve(&experiment, &scene).unwrap().warnings;
     assert!(warnings.len() == 1 && warnings[0].contains("steps of 32-bit travel times"), "{warnings:?}");
-    // With the camera at a point of the grid, nothing is coarse.
+    // The unit is now 2048 m, and the points of the grid are 512 m apart. The camera is at one of them, so it is at the origin.
     scene.cameras[0].transform = DAffine3::from_translation(1024.0 * DVec3::X);
     assert_eq!(resolve(&experiment, &scene).unwrap().warnings, Vec::<String>::new());
 }

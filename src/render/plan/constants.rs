@@ -43,19 +43,20 @@ impl Plan {
         constants
     }
 
-    /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them.
+    /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them, or to
+    /// `DETERMINISTIC_SLOTS` drawn ones if there are more.
     pub fn queries_deterministic(&self, count: u32) -> bool {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
 
-    /// Whether the estimator chooses the positions of events by the gate. It cannot do so with null boundaries: it does not know
-    /// them on segments that it does not trace.
+    /// Whether the estimator uses the gate to choose where paths scatter in media. It cannot do so in scenes with null boundaries,
+    /// because it does not know which null boundaries lie on segments that it does not trace.
     fn moves_events(&self) -> bool {
         self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries
     }
 
-    /// Whether sensor subpaths fly towards the places from which light can arrive inside the gate. These places assume that light
-    /// is nowhere faster than outside of solids.
+    /// Whether sensor subpaths fly towards the places from which light can arrive inside the gate. The choice of these
+    /// places assumes that light is nowhere faster than outside of solids.
     fn guides_flights(&self) -> bool {
         self.moves_events() && !self.has_fast_solids
     }

@@ -7,7 +7,7 @@ use crate::settings::{Response, Responses};
 pub struct Weights {
     /// If all responses are boxes: begin and end of each gate as f32 in render space, the same as in a render with this gate alone.
     boxes: Vec<[f32; 2]>,
-    /// If no box begins before the previous box ends: finds the box of a travel time.
+    /// Finds the box of a travel time. `None` if some box begins before the previous box ends: then all boxes are tried.
     begins: Option<Begins>,
     /// If some responses are not boxes: all responses.
     others: Vec<Response>,
@@ -38,7 +38,7 @@ impl Weights {
 
     /// Calls `visit` with the index and the weight of every response that sees light of travel time `tau`.
     pub fn visit(&self, tau: f32, mut visit: impl FnMut(u32, f64)) {
-        // If travel times omit the ways to a wall, rounding or a field of view may put light slightly before time 0.
+        // If travel times omit the ways to a wall, rounding or the field of view of a pixel may make them slightly negative.
         let tau = tau.max(0.0);
         let metres = f64::from(tau) * self.unit;
         self.supports.visit(metres, |k| {
@@ -64,7 +64,7 @@ impl Weights {
 struct Begins {
     first: f32,
     cells_per_unit: f32,
-    /// Number of boxes that begin in earlier cells, per cell, and the number of all boxes.
+    /// For each cell, the number of boxes that begin in earlier cells. The last element is the number of all boxes.
     earlier: Vec<u32>,
 }
 
@@ -101,11 +101,11 @@ const ROUNDING: f64 = 1e-12;
 struct Supports {
     /// Begin and end of the support of one pulse in metres.
     ends: Vec<[f64; 2]>,
-    /// Travel time in metres after which all weights repeat.
+    /// Travel time in metres after which all weights repeat, if `are_sorted`.
     period: Option<f64>,
-    /// Whether begins and ends ascend and all responses have the same period. If not, every response may see every time.
+    /// Whether begins and ends ascend and all responses have the same period. If not, `visit` visits all responses.
     are_sorted: bool,
-    /// Greatest finite distance of an end from time 0.
+    /// Greatest finite distance of an end from time 0, in metres.
     reach: f64,
 }
 
@@ -120,8 +120,9 @@ impl Supports {
         Supports { ends, period, are_sorted, reach }
     }
 
-    /// Calls `visit` in ascending order with the index of each response whose support contains the travel time `tau` in metres, of any
-    /// pulse. Rounding may add a response that begins or ends at `tau`.
+    /// Calls `visit` in ascending order with the index of each response that may see the travel time `tau` in metres. If `are_sorted`,
+    /// these are the responses whose support contains `tau` for at least one pulse. The rounding margin may add a response that begins or
+    /// ends at `tau`.
     fn visit(&self, tau: f64, mut visit: impl FnMut(usize)) {
         if !self.are_sorted {
             return (0..self.ends.len()).for_each(visit);

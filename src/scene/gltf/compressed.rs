@@ -29,13 +29,13 @@ struct Source {
     filter: Filter,
 }
 
-/// A compressed buffer view. It is decoded on first use: views of parts that are not read cost nothing, and cannot fail.
+/// A compressed buffer view. It is decoded on first use. If nothing reads the view, it costs no time and its damage is no error.
 pub struct Compressed {
     source: Source,
     decoded: OnceLock<Checked<Vec<u8>>>,
 }
 
-/// The compressed buffer views of a file, by their index. Their sizes are checked.
+/// The compressed buffer views of a file, by their index. Fails if one is too large, or its size, mode or filter is not valid.
 pub fn views(root: &Root) -> Checked<HashMap<usize, Compressed>> {
     let mut total = 0u64;
     let mut views = HashMap::new();

@@ -79,7 +79,8 @@ pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut 
     Ok(())
 }
 
-/// The medium in the extras of the object `of`. `None` if the extras have no object `medium`: other programs use extras too.
+/// The medium in `extras`. `None` if they have no object `medium`: other programs use extras too. `of` names the owner of the extras
+/// in messages.
 fn read(extras: &Extras, of: &str) -> Checked<Option<Medium>> {
     #[derive(Deserialize)]
     struct WithMedium {
