@@ -1,4 +1,4 @@
-// Starts the sensor subpaths of a tile: samples a point in the pixel, and the ray through this point.
+// Starts the sensor subpaths of a tile: samples a point in the pixel, and computes the camera ray through this point.
 #import weights
 #import sobol
 #import samples
@@ -24,7 +24,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     var s: PathState;
     s.position = ray.origin;
     s.tau = 0.0;
-    // Each pixel of a scanning sensor has a length by which its travel times are shorter (`aims` in camera.wgsl).
+    // A scanning sensor shortens the travel times of each pixel by a length of its own (`aims` in camera.wgsl).
     if (HAS_AIMS) {
         s.tau = -SURROUNDING_GROUP_INDEX * load_aim(sensor.pixel).w;
     }

@@ -131,7 +131,7 @@ fn base_color(s: Surface) -> vec4<f32> {
     return factor * sample_texture(m.base_texture, s.uv);
 }
 
-// The `point_words` of a vertex at the point.
+// The properties of the material at the point, as a vertex stores them (see PathVertex.point_words).
 fn point_words(s: Surface) -> vec3<u32> {
     let base = base_color(s).xyz;
     let m = load_material(s.material);
@@ -143,7 +143,7 @@ fn point_words(s: Surface) -> vec3<u32> {
         transmission_factor(m, s.uv)));
 }
 
-// The texels of the textures of both coats.
+// The texels that multiply the properties of the dielectric coat and of the clear coat.
 fn coat_factors(m: Material, uv: vec2<f32>) -> CoatFactors {
     if (!HAS_COAT_TEXTURES) {
         return WHITE_COATS;

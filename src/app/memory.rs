@@ -1,4 +1,4 @@
-//! Refuses renders whose images do not fit into the memory of this machine.
+//! Refuses work whose images or other large arrays do not fit into the free memory of this machine.
 
 use std::path::{Path, PathBuf};
 
@@ -48,7 +48,8 @@ pub fn check(settings: &Settings, parts: ImageParts, free: Option<u64>) -> Resul
     )))
 }
 
-/// Fails if fewer than `bytes` were `free`. The message says that `what` needs this memory; `remedy` says how to need less.
+/// Fails if `bytes` is more than `free`, the bytes of free memory. Does nothing if `free` is `None`. The message says
+/// that `what` needs this memory; `remedy` says how to need less.
 pub fn check_bytes(bytes: u64, free: Option<u64>, what: &str, remedy: &str) -> Result<()> {
     match free.filter(|free| bytes > *free) {
         Some(free) => Err(Error::Settings(format!(
@@ -122,7 +123,8 @@ fn groups(table: &str) -> Vec<Group> {
     table.lines().filter_map(of_line).flatten().collect()
 }
 
-/// Bytes that the processes of a control group can still allocate; `None` without a limit. Files that are only cached can make room.
+/// Bytes that the processes of a control group can still allocate; `None` without a limit. Cached files count as free,
+/// because Linux can drop them.
 fn free_of_group(limit: &str, used: &str, stat: &str, cached: [&str; 2]) -> Option<u64> {
     let (limit, used): (u64, u64) = (limit.trim().parse().ok()?, used.trim().parse().ok()?);
     let row = |line: &str| line.split_once(' ').filter(|(name, _)| cached.contains(name))?.1.trim().parse::<u64>().ok();

@@ -42,7 +42,7 @@ use stage::Stage;
 
 /// Maximum number of commands that wait for the engine.
 const INBOX: usize = 256;
-/// Time between two checks for an interrupt.
+/// Time between two checks for an interrupt, and between two checks whether all pages are gone.
 const POLL: Duration = Duration::from_millis(50);
 /// Time that pages get to take their last message.
 const GOODBYE: Duration = Duration::from_secs(1);
@@ -151,7 +151,7 @@ fn serve_until_interrupt(
         while !interrupted.load(Ordering::Relaxed) && !is_over.load(Ordering::Relaxed) {
             tokio::time::sleep(POLL).await;
         }
-        // At once, because a second interrupt ends the process.
+        // Remove the signpost before waiting for the pages: a second interrupt would end the process and leave the file behind.
         drop(signpost);
         let _ = end.send(true);
         // Give the pages some time to receive their last message.

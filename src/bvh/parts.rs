@@ -4,10 +4,10 @@ use super::Bvh;
 use crate::wgsl::layout::constants::PART_LEAVES;
 
 impl Bvh {
-    /// Parts that together cover each triangle once, for `search_part` (`shaders/shared/ellipsoid_search.wgsl`). At least one part:
-    /// without triangles the list is [0], the empty root. A part is the index of a node with at most `max_triangles` triangles below
-    /// it. Larger nodes are divided. If a divided node has leaves as children, their triangles form a part: the index of the node
-    /// with the bit [`PART_LEAVES`].
+    /// Parts that together cover each triangle once, for `search_part` (`shaders/shared/ellipsoid_search.wgsl`). A part is
+    /// the index of a node with at most `max_triangles` triangles below it. Larger nodes are divided. If a divided node has leaves as
+    /// children, their triangles form a part: the index of the node with the bit [`PART_LEAVES`]. Without triangles the list is [0],
+    /// because the device then has one empty node.
     pub fn parts(&self, max_triangles: u32) -> Vec<u32> {
         let nodes = &self.host.nodes;
         if nodes.is_empty() {

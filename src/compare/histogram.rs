@@ -21,10 +21,10 @@ pub struct HistogramComparison {
     pub ratio_of_means: f64,
     /// Number of gates that are compared, at least 1.
     pub compared: usize,
-    /// Number of gates that are too dark in the reference to be compared, where the image has more light than the reference, by at
-    /// least [`MIN_LIGHT`] of the brightest gate.
+    /// Number of gates that are too dark in the reference to be compared, but in which the image has excess light: it exceeds the
+    /// light of the reference by at least [`MIN_LIGHT`] of the light of the brightest gate.
     pub lit_dark_gates: usize,
-    /// The comparison of each gate; `None` for gates that are darker than [`MIN_LIGHT`].
+    /// The comparison of each gate; `None` for gates that are too dark in the reference ([`MIN_LIGHT`]).
     pub gates: Vec<Option<Comparison>>,
 }
 
@@ -76,7 +76,7 @@ mod tests {
         let c = HistogramComparison::of(3, |k| image[k].to_vec(), |k| reference[k].to_vec()).unwrap();
         // The last gate has 1 / 8000 of the light of the first one. The second gate is that of the test `by_hand` of `metrics`.
         assert_eq!((c.compared, c.gates[2], c.lit_dark_gates), (2, None, 1));
-        // The same gate without light that the reference lacks.
+        // In the last gate, this image has an excess of only 1.5, less than 1 / 1000 of the light of the first gate.
         let right = [image[0], image[1], [1.0, 1.0]];
         let of_right = HistogramComparison::of(3, |k| right[k].to_vec(), |k| reference[k].to_vec()).unwrap();
         assert_eq!((of_right.compared, of_right.lit_dark_gates), (2, 0));

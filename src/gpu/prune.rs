@@ -1,8 +1,8 @@
-//! Removes branches that a kernel never takes, because the override constant that they depend on has a value. The condition may be a
-//! call of a function, such as `is_coated`, that returns false in all kernels without the feature.
+//! Removes the branches that a kernel never takes. Their conditions are constant once the override constants have values. A condition
+//! may also call a function, such as `is_coated`, whose result is constant: it is always false if `HAS_CLEARCOAT` is false.
 //!
-//! A driver would remove them too, but only after it has parsed and optimised the whole module. On lavapipe, that takes three times
-//! as long for the kernels of the Cornell box, at the start of every render.
+//! A driver would remove these branches too, but only after it has parsed and optimised the whole module. On lavapipe, the kernels of
+//! the Cornell box take three times as long to compile without this removal, at the start of every render.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use naga::{
 pub fn remove_dead_branches(module: &mut Module) {
     let Module { constants, global_expressions, functions, entry_points, .. } = module;
     let mut globals = Globals { constants, expressions: global_expressions, results: HashMap::new() };
-    // A function comes after those that it calls.
+    // In `functions`, each function comes after the functions that it calls.
     for (handle, function) in functions.iter_mut() {
         prune(function, &globals);
         if let Some(result) = result(function, &globals) {
@@ -178,7 +178,7 @@ mod tests {
         (ifs, module.functions.len())
     }
 
-    /// A shader with the function `f` of a word, which may call the functions `on` and `off`.
+    /// A shader whose function `f(x: u32) -> u32` has this `body`, which may call the functions `on` and `off`.
     fn shader(body: &str) -> String {
         format!(
             "const ON = true; const OFF = false;

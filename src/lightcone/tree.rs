@@ -1,6 +1,6 @@
 //! The hierarchy over light vertices (Sec. 5.2). Every node splits its vertices into equal halves along the dimension of greatest
-//! extent: x, y, z or travel time. Every node stores power buckets over travel time (Sec. 5.5.2). The 3D tree of emitter points is
-//! the same tree with all v_tau = 0.
+//! extent: x, y, z or travel time. The record of a node stores the bounds of its two children, and their power buckets over travel
+//! time (Sec. 5.5.2). The 3D tree of emitter points is the same tree with all v_tau = 0.
 
 use rayon::join;
 

@@ -146,7 +146,7 @@ mod tests {
         // Light and sensor at one place: the limit h = 0.
         let collocated = value(DVec3::ZERO, [40.0, 50.0]);
         assert!((collocated / 3.45304e-6 - 1.0).abs() < 2e-6, "{collocated}");
-        // Nothing arrives before the straight line's time, and gates that abut add up.
+        // Nothing arrives before the time of the straight line, or in an empty gate. The light of adjacent gates adds up.
         assert_eq!(value(DVec3::X * 3.0, [1.0, 3.0]), 0.0);
         assert_eq!(value(DVec3::X, [5.0, 5.0]), 0.0);
         let light = DVec3::new(1.0, 0.0, 2.0);
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn second_moment_of_few_and_of_many_collisions() {
-        // Without collisions light moves straight; with many it diffuses with 6 D tau, D = 1 / (3 sigma_s (1 - g)).
+        // Without collisions light moves straight; with many the result is 6 D tau (diffusion), D = 1 / (3 sigma_s (1 - g)).
         assert!((second_moment(1e-9, 0.0, 5.0) - 25.0).abs() < 1e-6);
         assert!((second_moment(2.0, 0.5, 1e6) / 2e6 - 1.0).abs() < 1e-5);
         let (below, above) = (second_moment(0.999_999e-3, 0.0, 1.0), second_moment(1.000_001e-3, 0.0, 1.0));

@@ -17,7 +17,7 @@ use mailbox::Mailbox;
 /// Minimum time between two snapshots that are offered.
 const PERIOD: Duration = Duration::from_millis(250);
 /// Minimum time between two snapshots, relative to the time that making one takes. Sending costs about as much processor time
-/// again, and both together shall stay below 1 %.
+/// again. Both together stay below 1 % of the time of the render.
 const PERIOD_PER_COST: u32 = 300;
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_secs(2);
@@ -68,8 +68,8 @@ impl TevStream {
         self.mailbox.put(snapshot);
     }
 
-    /// Sends the snapshot that `make` returns, now or after the tile that is being sent, unless tev is known to be absent. This
-    /// method never waits for tev.
+    /// Sends the snapshot that `make` returns. If an earlier snapshot is being sent, its remaining tiles are skipped. If the connection
+    /// is down, `make` is not called. This method never waits for tev.
     pub fn offer_last(&mut self, make: impl FnOnce() -> Snapshot) {
         if !self.mailbox.is_down() {
             self.mailbox.put(make());

@@ -1,4 +1,4 @@
-//! Bugs that hostile use of the program has shown: one test per bug, named after the bug.
+//! Bugs that hostile use of the program has shown: one test per bug, named after the right behaviour.
 
 #[path = "../common/glb.rs"]
 mod glb;
@@ -65,7 +65,8 @@ fn a_scene_whose_lights_have_no_power_is_named() {
     assert!(output.status.code() == Some(2) && message.contains(expected), "{message}");
 }
 
-/// Rays that enter an open bottle through its neck would not find the milk inside, and the image would be wrong.
+/// A mesh that bounds a medium must be closed. Rays that enter an open bottle through its neck would not find the milk inside, and
+/// the image would be wrong.
 #[test]
 fn an_open_mesh_around_a_medium_is_named() {
     let folder = tempfile::tempdir().unwrap();

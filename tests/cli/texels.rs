@@ -11,8 +11,8 @@ fn taugate(folder: &Path, texels: &str, arguments: &[&str]) -> Output {
     command.args(arguments).current_dir(folder).env("TAUGATE_MAX_TEXELS", texels).output().expect("taugate starts")
 }
 
-/// Vulkan guarantees texel buffers of only 65,536 texels. Devices with this limit were refused, or gave wrong images without a
-/// message.
+/// Vulkan guarantees texel buffers of only 65,536 texels. Before there was the fallback to storage buffers, devices with this limit were
+/// refused, or gave wrong images without a message.
 #[test]
 fn arrays_too_large_for_texel_buffers_are_read_as_storage_buffers() {
     let here = tempfile::tempdir().unwrap();

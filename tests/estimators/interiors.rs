@@ -33,7 +33,7 @@ fn window(sigma_a: [f64; 3]) -> Scene {
     scene
 }
 
-/// The gate holds the light that passes the slab without a reflection inside of it.
+/// The gate contains only light that crosses the slab directly, without reflections between its two faces.
 #[test]
 fn coloured_glass_absorbs_as_the_closed_form_says() {
     let sigma_a = [2.0, 1.0, 0.1];
@@ -52,7 +52,8 @@ fn coloured_glass_absorbs_as_the_closed_form_says() {
     }
 }
 
-/// A slab of glass that scatters, half a metre thick and a metre before the camera, with a point light inside.
+/// A slab of glass that scatters, half a metre thick and one metre in front of the camera, with a point light inside. `bulb` is the
+/// position of the light relative to the point where the camera's axis enters the slab.
 fn milky_window(bulb: DVec3) -> Scene {
     let mut scene = Scene::default();
     let interior = Medium { sigma_s: [SIGMA_S; 3], sigma_a: [SIGMA_T - SIGMA_S; 3], phase: HG, ..Medium::default() };

@@ -1,6 +1,6 @@
-//! Tests of the tree query. An independent walk on the host computes the probability of drawing each vertex. The tests check the
-//! probabilities that the device returns, how often it draws each vertex, and the mean of its estimates. Every vertex inside the
-//! gate must have a probability above 0.
+//! Tests of the tree query. A walk on the host computes the probability of drawing each vertex from the bounds of the nodes. The
+//! tests check the probabilities that the device returns, how often it draws each vertex, and the mean of its estimates. Every
+//! vertex inside the gate must have a probability above 0.
 
 #[path = "../common/device.rs"]
 mod device;
@@ -142,7 +142,7 @@ fn draws_have_the_probabilities_of_the_walk() {
             assert!((sum + ends.dead - 1.0).abs() < 1e-5, "{name}: probabilities sum to {sum} + {}", ends.dead);
             let found = draw(&draws, &pool, &query, N, &mut pcg);
 
-            // The device returns the P of the walk. The product of ten ratios in f32 has a relative error of about 1e-6.
+            // The device returns 1 / P with the P of the walk. The product of ten ratios in f32 has a relative error of about 1e-6.
             for &(item, weight) in &found {
                 if let Some(j) = item {
                     let p = ends.items[j];
@@ -152,7 +152,7 @@ fn draws_have_the_probabilities_of_the_walk() {
             let p = p_value(&counts(&found, n), &ends, N);
             assert!(p > level, "{name}: p = {p:e}, level {level:e}");
 
-            // The expected value of the estimator f / P is the sum of f over all valid vertices.
+            // The expected value of the estimator f / P is the sum of f over all valid vertices, unless one of them has P = 0.
             let f = |j: usize| if query.is_valid(&pool.items[j]) { 1.0 + (j % 5) as f64 } else { 0.0 };
             let exhaustive: f64 = (0..n).map(f).sum();
             let reached: f64 =
@@ -190,7 +190,7 @@ fn one_over_p_averages_to_one() {
         for (item, weight) in draw(&draws, &pool, &query, N, &mut pcg) {
             item.into_iter().for_each(|j| sums[j] += weight / N as f64);
         }
-        let level = 4.2; // Standard errors: two-sided, 64 vertices at a family level of 1e-3 (Sidak).
+        let level = 4.2; // Standard errors. Two-sided, p = 2.7e-5 per vertex: below 4e-3 for all vertices of both trees.
         for (j, item) in pool.items.iter().enumerate().filter(|(_, item)| query.is_valid(item)) {
             let error = ((1.0 / ends.items[j] - 1.0) / N as f64).sqrt();
             assert!(error < 0.2, "vertex {j} is too rare for this test: {}", ends.items[j]);
@@ -199,7 +199,7 @@ fn one_over_p_averages_to_one() {
     }
 }
 
-/// The tests above would detect probabilities that are 1 % wrong, and a gate that is 2 % late.
+/// With 2 million draws, the chi-square test detects probabilities that are 1 % wrong, and a gate that is 2 % late.
 #[test]
 fn slightly_wrong_probabilities_are_rejected() {
     const N: usize = 2_000_000;

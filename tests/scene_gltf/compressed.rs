@@ -74,6 +74,7 @@ fn compressed_files_have_the_triangles_of_the_plain_file() {
 #[test]
 fn a_fallback_buffer_is_not_needed() {
     let folder = tempfile::tempdir().unwrap();
+    // The fallback buffer is a .bin file beside the .glb file. It is not copied.
     let path = folder.path().join("alone.glb");
     std::fs::copy(file("meshopt-fallback"), &path).unwrap();
     assert_eq!(triangles(&load(&path).unwrap()).len(), 512);
@@ -88,7 +89,7 @@ fn plain_data_beside_draco_data_is_preferred() {
     assert_eq!(read(&glb).warnings, Vec::<String>::new());
 }
 
-/// A damaged file may declare that data in a Draco mesh are single bytes, and use them as indices.
+/// A damaged file may declare a Draco attribute as single bytes, and use it as indices. The reader must not panic.
 #[test]
 fn draco_attributes_of_single_bytes_are_read_as_such() {
     let bytes = std::fs::read(file("draco-sequential")).unwrap();

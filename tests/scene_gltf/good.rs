@@ -67,7 +67,6 @@ fn nested_nodes_compose_and_share_their_mesh() {
     assert!(scene.warnings[0].contains("`node 3` is scaled to nothing"), "{:?}", scene.warnings);
 }
 
-/// Exporters flatten planes with a scale of 0 along their normal.
 /// Some exporters round the last row of a matrix.
 #[test]
 fn a_matrix_may_have_a_rounded_last_row() {
@@ -78,6 +77,7 @@ fn a_matrix_may_have_a_rounded_last_row() {
     assert!(refusal(&glb.build()).contains("is not affine"));
 }
 
+/// Exporters flatten planes with a scale of 0 along their normal.
 #[test]
 fn a_flat_mesh_may_have_a_scale_of_0_along_its_normal() {
     let local = [DVec3::new(0.0, 0.0, 5.0), DVec3::new(1.0, 0.0, 5.0), DVec3::new(0.0, 1.0, 5.0)];
@@ -170,7 +170,7 @@ fn metallic_roughness_textures_are_read() {
 
 #[test]
 fn vertex_colours_are_read() {
-    // Bytes, words and floats; the last ones have no alpha, and some are outside [0, 1].
+    // Bytes, words and floats. The floats have no alpha, and some of them are outside [0, 1].
     let bytes = [255, 0, 51, 102, 0, 255, 0, 255, 0, 0, 0, 0];
     let words: Vec<u8> = bytes.iter().flat_map(|&b| (u16::from(b) * 257).to_le_bytes()).collect();
     let mut glb = complete();
@@ -201,8 +201,8 @@ fn normal_maps_get_tangents() {
     let tangents = glb.floats(&[[0.0, 2.0, 0.0, 1.0]; 3]);
     glb.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(tangents);
     assert_eq!(read(&glb).meshes[0].tangents, [[0.0, 1.0, 0.0, 1.0]; 3]);
-    // Tangents of a mesh without texture coordinates are ignored, because its normal map has no place. So are those of a mesh
-    // without normals.
+    // The tangents of a mesh without texture coordinates are ignored, because its normal map cannot be looked up. For a mesh without
+    // normals, the tangents of the file are replaced by computed ones.
     let without = |names: &[&str]| {
         let mut glb = glb.clone();
         let attributes = glb.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap();

@@ -1,4 +1,4 @@
-//! The picture on the screen is the image that is saved, and that `render` makes.
+//! The page shows the same image as the file that it saves. `taugate render` computes this image too, up to noise.
 
 use crate::browser::visit;
 use crate::program::{Program, SIZE, agree, pixels, render, words};
@@ -6,7 +6,7 @@ use crate::program::{Program, SIZE, agree, pixels, render, words};
 /// Exposure of the pictures in EV.
 const STOPS: f32 = 3.0;
 
-/// Multiplies linear values and encodes them to sRGB bytes (IEC 61966-2-1).
+/// Multiplies linear values by `factor` and encodes them to sRGB bytes (IEC 61966-2-1).
 fn expose(rgb: &[f32], factor: f32) -> Vec<u8> {
     let srgb = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
     rgb.iter().map(|&x| (255.0 * srgb((x * factor).clamp(0.0, 1.0)) + 0.5) as u8).collect()
@@ -33,7 +33,7 @@ fn the_screen_shows_what_is_saved_and_what_render_makes() {
         let dimmer = expose(&pixels(&saved), 2f32.powf(STOPS - 0.1));
         assert!(largest_difference(&screen, &dimmer) > 1);
 
-        // The browser may take WebGL2 away and give it back.
+        // The browser may lose the WebGL2 context and restore it.
         let lose = "const picture = document.getElementById('picture'), gl = picture.getContext('webgl2').getExtension('WEBGL_lose_context');
             picture.addEventListener('webglcontextlost', () => setTimeout(() => gl.restoreContext()), { once: true });
             picture.addEventListener('webglcontextrestored', () => arguments[0](), { once: true });
@@ -46,7 +46,7 @@ fn the_screen_shows_what_is_saved_and_what_render_makes() {
         let (_folder, other) = render(&words(&["--gate", "6.3m..6.6m"]));
         assert!(!agree(&saved, &other), "the comparison would not notice a wrong gate");
 
-        // Nothing is overwritten, and the page says so.
+        // The page refuses to overwrite a file, and says so.
         page.enter("#save-name", "first").await;
         page.until("document.querySelector('.alert.problem')?.textContent.includes('first.exr')").await;
 

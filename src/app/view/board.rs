@@ -73,8 +73,8 @@ impl Board {
         self.publish(|newest, number| newest.texts[topic as usize] = Some((number, text)));
     }
 
-    /// Publishes the settings. `is_new`: they differ from the last ones, so the last failure is cleared. `keeps_surfaces`: camera and
-    /// scene are the same; otherwise the surfaces are cleared.
+    /// Publishes the settings. `is_new`: they differ from the last ones, so the last failure is cleared. `keeps_surfaces`: the
+    /// scene, the camera and the resolution are the same. Otherwise the surfaces are cleared.
     pub fn state(&self, report: &Report, resolution: [u32; 2], is_new: bool, keeps_surfaces: bool) {
         let text: Arc<str> = report.to_json().into();
         self.publish(|newest, number| {
@@ -148,7 +148,7 @@ impl Board {
     }
 }
 
-/// See [`Board::count_page`].
+/// Guard of [`Board::count_page`] and [`Board::count_connection`].
 pub struct Counted<'a>(&'a AtomicUsize);
 
 impl Counted<'_> {

@@ -8,14 +8,15 @@ use crate::settings::shard::Shard;
 
 const SETTINGS: &str = "scene = '/a.glb'\n[gate]\ngate = '1m..2m'\n[render]\nspp = 64\nseed = 3\n";
 
-/// Iteration `i` of an image of 3 x 2 pixels: its values and its samples.
+/// Iteration `i` of an image of 3 x 2 pixels: its values and its samples per pixel.
 fn iteration(i: u32) -> ([f32; 18], u32) {
     let value =
         |k: usize| if (i as usize + k).is_multiple_of(5) { 0.0 } else { 0.1 + ((i * 37 + 11 * k as u32) % 29) as f32 };
     (std::array::from_fn(value), 1 + i % 4)
 }
 
-/// The accumulation of these iterations, with `count` responses; the light of response `t` is that of iteration + t.
+/// The accumulation of the iterations with these `numbers`, with `count` responses. In iteration i, response t has the values of
+/// iteration i + t.
 fn accumulation(numbers: impl IntoIterator<Item = u32>, count: usize, has_variance: bool) -> Accumulation {
     let mut film = Film::new(3, 2);
     let mut responses = ResponseFilm::new(6, count, has_variance);
@@ -132,7 +133,7 @@ fn layers_are_kept_and_added_once() {
     assert_eq!(kept, Layers { channels: layers().channels[1..].to_vec(), ..Layers::default() });
     assert_eq!(Layers::default().keep(Aov::ALL), Err("depth"));
 
-    // Files that other programs could write.
+    // Wrong layers with valid check sums, as another program could write them.
     for (channel, plane) in [("object.ID", [0.5; 6].to_vec()), ("object.ID", vec![-1.0; 6]), ("depth.Z", vec![1.0; 5])]
     {
         let channels = vec![(channel.into(), Plane::Floats(plane))];
@@ -237,7 +238,7 @@ fn damaged_files_are_refused() {
     };
     std::fs::write(&path, &good).unwrap();
     assert!(read(&path).is_ok());
-    // Every file that is cut off is refused, and every changed byte of an array is found by its check sum.
+    // A file that is cut off is refused at any length. A check sum finds a changed byte of an array.
     for length in (0..good.len()).step_by(97) {
         let message = message(&good[..length]);
         assert!(message.contains("is not an accumulation of taugate (.acc)"), "{length}: {message}");
@@ -248,7 +249,7 @@ fn damaged_files_are_refused() {
     assert!(message(&changed).contains("Invalid checksum"), "{}", message(&changed));
     assert!(message(b"text").contains("not a zip"));
 
-    // Files that other programs could write.
+    // Wrong contents with valid check sums, as another program could write them.
     let mut whole = accumulation(0..5, 1, false);
     whole.about.crop = [0, 9, 0, 2];
     assert!(message(&bytes(&whole)).contains("does not lie in its image"));

@@ -1,4 +1,4 @@
-//! What taugate does with each glTF extension: the one list of their names.
+//! What taugate does with each glTF extension.
 
 use super::document::{Document, Warnings, printable};
 use super::{Checked, texture};
@@ -83,7 +83,7 @@ const EXTENSIONS: &[(&str, Treatment)] = &[
     ("VRMC_vrm", Harmless),
 ];
 
-/// Maximum number of names that warnings list: a hostile file may have any number of them.
+/// Maximum number of extensions that get a warning: a hostile file may name any number of them.
 const MAX_WARNINGS: usize = 20;
 
 /// Refuses a file that requires an extension that is [`Refused`] or not in the list. Warns about every other extension that is not

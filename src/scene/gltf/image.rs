@@ -74,8 +74,9 @@ fn texel_count([width, height]: &[u32; 2]) -> u64 {
 struct ImageHeader {
     /// Width and height in pixels.
     size: [u32; 2],
-    /// Bytes of the file, and bytes of memory that [`rgba8`] and its decoder take together.
+    /// Bytes of the file.
     file: u64,
+    /// Bytes of memory that [`rgba8`] and its decoder take together.
     memory: u64,
 }
 
@@ -214,14 +215,15 @@ fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
 /// Maximum number of bytes that the decoder of this image with `texels` texels takes besides its result. It may take them before
 /// it notices that the file is too short. Tables do not count, because the length of the file limits them.
 fn memory_of_decoder(bytes: &[u8], texels: u64) -> u64 {
-    /// Maximum size of a part of a lossy WebP image. The file gives the size in 24 bits, and the decoder allocates this size.
+    /// Maximum size of a data partition of a lossy WebP image in bytes. The file gives the size in 24 bits, and the decoder
+    /// allocates this size.
     const PART: u64 = 1 << 24;
     match (::image::guess_format(bytes), bytes.get(12..16)) {
         // Two bytes for each coefficient of a progressive image, in up to four channels.
         (Ok(ImageFormat::Jpeg), _) => 8 * texels,
         // In bytes per texel: a copy with alpha (4), the data of two transforms (1/4 each), and the entropy image (3/8).
         (Ok(ImageFormat::WebP), Some(b"VP8L")) => 5 * texels,
-        // Brightness (1) and colour (1/2).
+        // Luma (1) and chroma (1/2).
         (Ok(ImageFormat::WebP), Some(b"VP8 ")) => 2 * texels + PART,
         // The alpha of a lossy image (1) is decoded as a lossless one (5). An animation has a frame (4) and a canvas (4).
         (Ok(ImageFormat::WebP), _) => 8 * texels + PART,
@@ -266,7 +268,7 @@ fn rgba8(decoder: impl ImageDecoder, texels: usize) -> Result<Vec<[u8; 4]>, Imag
 }
 
 /// Replaces `texels` pixels of `N` bytes at the end of `bytes` by as many texels of 4 bytes at the beginning. `bytes` has room for
-/// the longer of the two. So a texel never ends behind its own pixel, and no pixel is overwritten before it is read.
+/// the longer of the two. So texel k ends no later than pixel k, and no pixel is overwritten before it is read.
 fn convert<const N: usize>(bytes: &mut [u8], texels: usize, rgba: impl Fn([u8; N]) -> [u8; 4]) {
     let start = bytes.len() - texels * N;
     for k in 0..texels {

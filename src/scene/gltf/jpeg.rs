@@ -1,8 +1,8 @@
 //! Finds JPEG images with which the decoder `zune-jpeg` 0.5 panics.
 
 /// True if a colour channel of this JPEG image has more samples than the first channel, in a row or in a column. `zune-jpeg` computes
-/// the rows of a channel from the sampling factors up to this channel, without those of later channels. So its buffers have wrong
-/// sizes here, and a write beyond their end panics. No program saves such images.
+/// the size of a channel's rows from the maximum sampling factors of this channel and the channels before it. It ignores later channels.
+/// For such images its buffers have wrong sizes, and a write beyond their end panics. No program saves such images.
 ///
 /// The decoder skips bytes between markers. So this function looks for a frame header everywhere, not only where one should be.
 pub fn samples_colour_finer(bytes: &[u8]) -> bool {
@@ -21,7 +21,7 @@ pub fn samples_colour_finer(bytes: &[u8]) -> bool {
 mod tests {
     use super::*;
 
-    /// The beginning of a JPEG image whose three channels have these numbers of samples (one hexadecimal digit each way).
+    /// The beginning of a JPEG image whose three channels have these sampling factors (hexadecimal digits: horizontal, vertical).
     fn header(samples: [u8; 3]) -> Vec<u8> {
         let mut bytes = b"\xff\xd8\xff\xc0\0\x11\x08\0\x07\0\x09\x03".to_vec();
         bytes.extend(samples.iter().zip(1..).flat_map(|(samples, id)| [id, *samples, 0]));
