@@ -32,8 +32,8 @@ fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32>
     return vec2<f32>(first, min(min(last, limit), extent.y));
 }
 
-// Whether an event for the deterministic vertex v can be drawn on the segment before q: the `gate_interval` is not empty, v is no sun,
-// and the path is not too deep.
+// Whether an event for the deterministic vertex v can be drawn on the segment before q. The `gate_interval` must not be empty, v must not
+// be a sun, and the path must not be too deep.
 fn can_draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex) -> bool {
     let interval = gate_interval(q, segment, v);
     return interval.x < interval.y && is_drawn_in_gate(v) && (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u <= frame.max_depth;

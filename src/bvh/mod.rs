@@ -63,11 +63,11 @@ pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
     let triangle = |c: &[[f32; 3]; 3]| Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() };
     let boxes: Vec<Aabb> = corners.iter().map(|c| triangle(c).aabb()).collect();
     let groups = Groups::find(&boxes);
-    let crowds = groups.as_ref().map_or(&boxes, |groups| &groups.boxes);
-    if dense::are_nested(crowds) {
+    let places = groups.as_ref().map_or(&boxes, |groups| &groups.boxes);
+    if dense::are_nested(places) {
         return Bvh::new(wide(&dense::halved(&boxes)));
     }
-    let outer = clustered(crowds);
+    let outer = clustered(places);
     let bvh = Bvh::new(wide(&match &groups {
         None => outer,
         Some(groups) => groups.expand(outer, &boxes),

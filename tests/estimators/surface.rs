@@ -326,7 +326,8 @@ fn albedo(bsdf: &Bsdf, normal: DVec3, wo: DVec3) -> f64 {
 /// and no more than arrives. Viewers behind the turned normal see a flat plane.
 #[test]
 fn leaning_glossy_lobes_gain_nothing() {
-    let normal = DVec3::new(0.709804, 0.003922, 0.709804).normalize();
+    // The texel of `leaning`.
+    let normal = (DVec3::new(218.0, 128.0, 218.0) / 127.5 - 1.0).normalize();
     for (x, material) in [
         (1.5, metal("metal", [1.0; 3], 0.5)),
         (0.2, metal("metal", [1.0; 3], 0.5)),
