@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use taugate::internals::generate::{Kind, scene};
+use taugate::internals::generate::{Kind, glb_bytes};
 use taugate::internals::input::experiment::Experiment;
 
 fn folder() -> PathBuf {
@@ -16,7 +16,7 @@ fn shipped_scenes_are_what_the_generator_writes() {
         let path = folder().join(name).with_extension("glb");
         let shipped = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         assert!(
-            shipped == scene(kind),
+            shipped == glb_bytes(kind),
             "{name}.glb differs: write it again with: cargo run -- generate {name} -o scenes/{name}.glb"
         );
     }

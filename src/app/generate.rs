@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use taugate::Error;
 use taugate::internals::files::write_atomically;
-use taugate::internals::generate::{Kind, scene};
+use taugate::internals::generate::{Kind, glb_bytes};
 
 use crate::app::cli::GenerateArgs;
 
@@ -18,6 +18,6 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
     if !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
         return Err(Error::Settings(format!("the output {} must end in .glb", output.display())).into());
     }
-    write_atomically(output, |writer| writer.write_all(&scene(kind)))?;
+    write_atomically(output, |writer| writer.write_all(&glb_bytes(kind)))?;
     Ok(ExitCode::SUCCESS)
 }

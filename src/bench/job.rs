@@ -46,7 +46,7 @@ impl Job {
     pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Job> {
         let wrong = |error: Error, part| suite.error_at(entry, part, &error.to_string());
         let files = match entry.generated {
-            Some(kind) => vec![generate::scene(kind)],
+            Some(kind) => vec![generate::glb_bytes(kind)],
             None => gltf::files(entry.path()).map_err(|e| wrong(e, Part::Path))?,
         };
         let mut scene = gltf::load_slice(&files[0], entry.path()).map_err(|e| wrong(e, Part::Path))?;

@@ -1,7 +1,7 @@
 //! Scenes that the project generates itself, as binary glTF: no download, no licence, the same bytes everywhere.
 //!
-//! [`build`] first makes a plain [`Scene`], which tests use directly; [`glb::write`] then writes it. Nothing here depends on the
-//! time, the platform or the mathematics library: this module has its own trigonometry and random numbers.
+//! [`build`] makes a plain [`Scene`], which tests use directly. [`glb_bytes`] builds a scene and writes it as a file. Nothing here
+//! depends on the time, the platform or the mathematics library: this module has its own trigonometry and random numbers.
 
 mod clutter;
 mod cornell;
@@ -135,8 +135,8 @@ impl Kind {
     }
 }
 
-/// The scene as binary glTF, with the same bytes on every machine.
-pub fn scene(kind: Kind) -> Vec<u8> {
+/// The scene as a binary glTF file, with the same bytes on every machine.
+pub fn glb_bytes(kind: Kind) -> Vec<u8> {
     let motion = (kind == Kind::Street).then(street::motion);
     glb::write_moving(&build(kind), motion.as_ref())
 }

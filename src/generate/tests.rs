@@ -26,7 +26,7 @@ fn names_parse_to_their_kind() {
 fn header_and_chunks_have_their_sizes() {
     let word = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
     for kind in kinds() {
-        let bytes = scene(kind);
+        let bytes = glb_bytes(kind);
         assert_eq!(&bytes[..4], b"glTF");
         assert_eq!((word(&bytes, 4), word(&bytes, 8)), (2, bytes.len()));
         let json = word(&bytes, 12);
@@ -40,7 +40,7 @@ fn header_and_chunks_have_their_sizes() {
 #[test]
 fn the_same_bytes_every_time() {
     for kind in kinds() {
-        assert!(scene(kind) == scene(kind), "{}", kind.name());
+        assert!(glb_bytes(kind) == glb_bytes(kind), "{}", kind.name());
     }
 }
 
@@ -64,7 +64,7 @@ fn a_divided_box_is_the_same_box() {
         };
         assert!((facing(a) - facing(b)).length() < 1e-5, "{}", a.name);
     }
-    assert_eq!(scene(Kind::CornellBox), scene(Kind::CornellBox.with(Some(0.45), Some(36)).unwrap()));
+    assert_eq!(glb_bytes(Kind::CornellBox), glb_bytes(Kind::CornellBox.with(Some(0.45), Some(36)).unwrap()));
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn triangle_counts() {
 fn the_gltf_crate_reads_what_was_written() {
     for kind in kinds() {
         let plain = build(kind);
-        let file = gltf::Gltf::from_slice(&scene(kind)).unwrap();
+        let file = gltf::Gltf::from_slice(&glb_bytes(kind)).unwrap();
         assert_eq!(file.meshes().count(), plain.meshes.len());
         assert_eq!(file.materials().count(), plain.materials.len());
         assert_eq!(file.images().count(), plain.images.len());
@@ -128,7 +128,7 @@ fn the_gltf_crate_reads_what_was_written() {
 
 #[test]
 fn images_are_png() {
-    let bytes = scene(Kind::DoorAjar);
+    let bytes = glb_bytes(Kind::DoorAjar);
     let file = gltf::Gltf::from_slice(&bytes).unwrap();
     let plain = build(Kind::DoorAjar);
     for (image, plain) in file.images().zip(&plain.images) {

@@ -5,7 +5,7 @@ use std::path::Path;
 use taugate::internals::bench::job::Job;
 use taugate::internals::bench::suite::Suite;
 use taugate::internals::bench::table::{self, COLUMNS};
-use taugate::internals::generate::{Kind, scene};
+use taugate::internals::generate::{Kind, glb_bytes};
 use taugate::internals::image::exr_file::{self, Picture, Provenance, read_picture};
 use taugate::internals::image::film::Film;
 use taugate::internals::settings::Crop;
@@ -305,7 +305,7 @@ fn a_suite_of_costs_needs_no_reference_and_fits_its_sweeps() {
 #[test]
 fn references_follow_the_files_that_a_scene_names() {
     let here = tempfile::tempdir().unwrap();
-    let glb = scene(Kind::CornellBox);
+    let glb = glb_bytes(Kind::CornellBox);
     let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
     let (json, mut binary) = (&glb[20..20 + word(12)], glb[28 + word(12)..].to_vec());
     let mut document: serde_json::Value = serde_json::from_slice(json).unwrap();
