@@ -63,35 +63,35 @@ fn at_angle(angle: f32) -> vec2<f32> {
     return vec2<f32>(turn.x, select(turn.y, -turn.y, angle < 0.0));
 }
 
-// The part of the unit circle on the left of a line.
-struct HalfCircle {
+// The arc of the unit circle in the half plane on the left of a line: the whole circle, a part of it, or nothing.
+struct HalfPlaneArc {
     // The angles in [-pi, pi] at which the circle crosses the line, in ascending order; both are -pi without a crossing.
     ends: vec2<f32>,
-    // Whether the angles between the two ends are on the left. If not, the other angles are.
+    // Whether the arc is between the two ends. If not, it is the rest of the circle.
     is_between: bool,
 }
 
-// The part of the unit circle on the left of the line from a to b.
-fn half_circle(a: vec2<f32>, b: vec2<f32>) -> HalfCircle {
+// The arc of the unit circle on the left of the line from a to b.
+fn arc_in_half_plane(a: vec2<f32>, b: vec2<f32>) -> HalfPlaneArc {
     let along = b - a;
     let length2 = dot(along, along);
     // Distance of the line from the centre, times |b - a|; positive if the centre is on the left.
     let offset = cross2(a, b);
     let reach2 = length2 - offset * offset;
     if (!(reach2 > 0.0)) {
-        return HalfCircle(vec2<f32>(-PI), offset <= 0.0);
+        return HalfPlaneArc(vec2<f32>(-PI), offset <= 0.0);
     }
     let foot = vec2<f32>(along.y, -along.x) * offset;
     let half = along * sqrt(reach2);
     let first = angle_of(foot - half);
     let second = angle_of(foot + half);
     // The part on the left runs counterclockwise from `second` to `first`.
-    return HalfCircle(in_order(vec2<f32>(first, second)), second < first);
+    return HalfPlaneArc(in_order(vec2<f32>(first, second)), second < first);
 }
 
-// Whether the angle is on the left of the line.
-fn is_on_left(h: HalfCircle, angle: f32) -> bool {
-    return (angle > h.ends.x && angle < h.ends.y) == h.is_between;
+// Whether the point of the circle at this angle is on the arc.
+fn is_on_arc(arc: HalfPlaneArc, angle: f32) -> bool {
+    return (angle > arc.ends.x && angle < arc.ends.y) == arc.is_between;
 }
 
 // Barycentric weights of b and c at the point p of the plane.
@@ -174,13 +174,13 @@ fn arcs_in_triangle(e: Ellipsoid, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -
         scale * vec2<f32>(dot(b - centre, x_axis), dot(b - centre, y_axis)),
         scale * vec2<f32>(dot(c - centre, x_axis), dot(c - centre, y_axis)),
     );
-    let ab = half_circle(arcs.triangle.a, arcs.triangle.b);
-    let bc = half_circle(arcs.triangle.b, arcs.triangle.c);
-    let ca = half_circle(arcs.triangle.c, arcs.triangle.a);
+    let ab = arc_in_half_plane(arcs.triangle.a, arcs.triangle.b);
+    let bc = arc_in_half_plane(arcs.triangle.b, arcs.triangle.c);
+    let ca = arc_in_half_plane(arcs.triangle.c, arcs.triangle.a);
     arcs.ends = arc_ends(ab.ends, bc.ends, ca.ends);
     for (var i = 0u; i < 7u; i++) {
         let middle = 0.5 * (arcs.ends[i] + arcs.ends[i + 1u]);
-        let is_inside = arcs.ends[i + 1u] > arcs.ends[i] && is_on_left(ab, middle) && is_on_left(bc, middle) && is_on_left(ca, middle);
+        let is_inside = arcs.ends[i + 1u] > arcs.ends[i] && is_on_arc(ab, middle) && is_on_arc(bc, middle) && is_on_arc(ca, middle);
         arcs.length += select(0.0, arcs.ends[i + 1u] - arcs.ends[i], is_inside);
         arcs.inside |= select(0u, 1u << i, is_inside);
     }
