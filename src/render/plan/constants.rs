@@ -51,19 +51,19 @@ impl Plan {
 
     /// Whether the estimator uses the gate to choose where paths scatter in media. It cannot do so in scenes with null boundaries,
     /// because it does not know which null boundaries lie on segments that it does not trace.
-    fn moves_events(&self) -> bool {
+    fn uses_gate_in_media(&self) -> bool {
         self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries
     }
 
     /// Whether sensor subpaths fly towards the places from which light can arrive inside the gate. The choice of these
     /// places assumes that light is nowhere faster than outside of solids.
     fn guides_flights(&self) -> bool {
-        self.moves_events() && !self.has_fast_solids
+        self.uses_gate_in_media() && !self.has_fast_solids
     }
 
     /// Whether events in media are drawn inside the gate, for connections to deterministic vertices.
     pub fn draws_in_gate(&self) -> bool {
-        self.moves_events() && self.max_deterministic <= DETERMINISTIC_SLOTS
+        self.uses_gate_in_media() && self.max_deterministic <= DETERMINISTIC_SLOTS
     }
 
     /// Number of parts of the gate; a query kernel may choose a vertex for each part.
