@@ -41,7 +41,7 @@ use super::report::Report;
 use super::{feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
 pub use errors::NotFinite;
-use errors::{after, of_file};
+use errors::{with_saved_results, with_scene_path};
 use iterations::{Done, Iterations};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
@@ -297,8 +297,8 @@ impl Session {
             strategies::report_interrupted(&self.progress);
         }
         if let Some(failure) = failure {
-            let samples = renderer.film().samples();
-            return Err(after(failure, &format!("the {samples} samples per pixel before the error")).into());
+            let results = format!("the {} samples per pixel before the error", renderer.film().samples());
+            return Err(with_saved_results(failure, &results).into());
         }
         if self.is_sequence {
             self.ready = Some(ready);
@@ -330,7 +330,7 @@ impl Session {
     ) -> anyhow::Result<(Ready, Layers)> {
         let (path, device_name) = (experiment.scene.as_ref(), experiment.render.device.as_deref());
         let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
-        let prepared = prepared.map_err(|error| of_file(error, path.expect("the experiment names a scene")))?;
+        let prepared = prepared.map_err(|error| with_scene_path(error, path.expect("the experiment names a scene")))?;
         let warnings = preparation.timed("check lamps", || prepared.warnings(&scene, settings));
         warnings.iter().for_each(|warning| self.say(format!("warning: {warning}")));
         if !self.may_be_dark(experiment, settings) {

@@ -11,13 +11,13 @@ pub struct NotFinite {
     pub dropped: u64,
 }
 
-/// Appends to the message of a device error that the files hold `what`: the results from before the error. Other errors stay the same.
-pub fn after(failure: Error, what: &str) -> Error {
-    failure.map_device_message(|message| format!("{message}; the files hold {what}"))
+/// Appends to the message of a device error that the files hold `results`, from before the error. Other errors stay the same.
+pub fn with_saved_results(error: Error, results: &str) -> Error {
+    error.map_device_message(|message| format!("{message}; the files hold {results}"))
 }
 
 /// Names the scene's file in an error of the settings, because the scene may be the cause.
-pub fn of_file(error: Error, scene: &Path) -> Error {
+pub fn with_scene_path(error: Error, scene: &Path) -> Error {
     match error {
         Error::Settings(message) => Error::Scene { path: scene.into(), message },
         other => other,

@@ -27,7 +27,9 @@ use super::super::progress::{Before, Position, duration, rays};
 use super::super::report::dropped;
 use super::super::rescue::Rescue;
 use super::super::{feasible, memory};
-use super::{NotFinite, Outcome, Session, after, check_inputs, check_outputs, load_scene, of_file};
+use super::{
+    NotFinite, Outcome, Session, check_inputs, check_outputs, load_scene, with_saved_results, with_scene_path,
+};
 
 /// Measures all pairs of points and writes the array.
 pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
@@ -63,7 +65,7 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
 
     // Prepare the device.
     let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, &settings));
-    let mut prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
+    let mut prepared = prepared.map_err(|error| with_scene_path(error, &scene_path))?;
     let device = preparation.timed("open device", || Device::open(experiment.render.device.as_deref()))?;
     MemoryPlan::new(&scene, &settings, &prepared, Some(device.info()))?.check(device.info())?;
     if !scan.accounts_first_and_last {
@@ -146,7 +148,10 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         session.progress.line(&format!("interrupted after {measured} points of the laser; the others are NaN"));
     }
     match failure {
-        Some(failure) => Err(after(failure, &format!("the {measured} points of the laser before the error")).into()),
+        Some(failure) => {
+            let results = format!("the {measured} points of the laser before the error");
+            Err(with_saved_results(failure, &results).into())
+        }
         None => Ok(if is_whole { Outcome::Done } else { Outcome::Interrupted }.code()),
     }
 }
