@@ -42,7 +42,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         )
         .into());
     }
-    let ((image, gates), (reference, others)) = (read_finite(&args.image)?, read_finite(&args.reference)?);
+    let ((image, gates), (reference, reference_gates)) = (read_finite(&args.image)?, read_finite(&args.reference)?);
     let shape = |array: &ImageArray| [array.height, array.width, array.images()];
     if shape(&image) != shape(&reference) {
         let describe = |array: &ImageArray| format!("{}x{} with {} gates", array.width, array.height, array.images());
@@ -56,8 +56,8 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         .into());
     }
     let of = |gate: &DescribedResponse| (gate.name.clone(), gate.gate(), gate.integral());
-    if let (Some(gates), Some(others)) = (&gates, &others)
-        && !gates.iter().map(of).eq(others.iter().map(of))
+    if let (Some(gates), Some(reference_gates)) = (&gates, &reference_gates)
+        && !gates.iter().map(of).eq(reference_gates.iter().map(of))
     {
         crate::app::say("note: the two files have different gates");
     }

@@ -8,10 +8,10 @@ pub struct Weights {
     /// If all responses are boxes: begin and end of each gate as f32 in render space, the same as in a render with this gate alone.
     boxes: Vec<[f32; 2]>,
     /// Finds the box of a travel time. `None` if some box begins before the previous box ends: then all boxes are tried.
-    begins: Option<Begins>,
-    /// If some responses are not boxes: all responses.
-    others: Vec<Response>,
-    /// Which of the `others` a travel time may meet.
+    lookup: Option<BoxLookup>,
+    /// All responses, boxes included, if some are not boxes. Otherwise empty.
+    general: Vec<Response>,
+    /// Which of the `general` responses a travel time may meet.
     supports: Supports,
     /// Metres per unit of the render space.
     unit: f64,
@@ -25,15 +25,15 @@ impl Weights {
             true => responses.iter().map(|r| [edge(r.gate().lo), edge(r.gate().hi)]).collect(),
             false => vec![],
         };
-        let begins = boxes.is_sorted_by(|a, b| a[1] <= b[0]).then(|| Begins::new(&boxes));
-        let others = if are_boxes { vec![] } else { responses.iter().cloned().collect() };
-        let supports = Supports::new(&others);
-        Weights { boxes, begins, others, supports, unit: space.unit }
+        let lookup = boxes.is_sorted_by(|a, b| a[1] <= b[0]).then(|| BoxLookup::new(&boxes));
+        let general = if are_boxes { vec![] } else { responses.iter().cloned().collect() };
+        let supports = Supports::new(&general);
+        Weights { boxes, lookup, general, supports, unit: space.unit }
     }
 
     /// Number of responses.
     pub fn count(&self) -> usize {
-        self.boxes.len() + self.others.len()
+        self.boxes.len() + self.general.len()
     }
 
     /// Calls `visit` with the index and the weight of every response that sees light of travel time `tau`.
@@ -42,18 +42,18 @@ impl Weights {
         let tau = tau.max(0.0);
         let metres = f64::from(tau) * self.unit;
         self.supports.visit(metres, |k| {
-            let weight = self.others[k].weight(metres);
+            let weight = self.general[k].weight(metres);
             if weight > 0.0 {
                 visit(k as u32, weight);
             }
         });
         let contains = |[lo, hi]: [f32; 2]| lo <= tau && tau < hi;
-        let Some(begins) = &self.begins else {
+        let Some(lookup) = &self.lookup else {
             let inside = self.boxes.iter().enumerate().filter(|(_, gate)| contains(**gate));
             return inside.for_each(|(k, _)| visit(k as u32, 1.0));
         };
-        let after = begins.count_until(&self.boxes, tau);
-        if let Some(k) = after.checked_sub(1).filter(|&k| contains(self.boxes[k])) {
+        let begun = lookup.count_begun(&self.boxes, tau);
+        if let Some(k) = begun.checked_sub(1).filter(|&k| contains(self.boxes[k])) {
             visit(k as u32, 1.0);
         }
     }
@@ -61,24 +61,25 @@ impl Weights {
 
 /// Counts the boxes that begin at or before a travel time. It divides the times into cells of equal width. A binary search in the cell of
 /// the travel time visits few boxes, or one if all boxes are equally wide.
-struct Begins {
+struct BoxLookup {
+    /// Begin of the first box.
     first: f32,
     cells_per_unit: f32,
     /// For each cell, the number of boxes that begin in earlier cells. The last element is the number of all boxes.
     earlier: Vec<u32>,
 }
 
-impl Begins {
+impl BoxLookup {
     /// `boxes` ascend.
-    fn new(boxes: &[[f32; 2]]) -> Begins {
+    fn new(boxes: &[[f32; 2]]) -> BoxLookup {
         let (first, last) = (boxes.first().map_or(0.0, |gate| gate[0]), boxes.last().map_or(0.0, |gate| gate[0]));
         let cells_per_unit = boxes.len() as f32 / (last - first).max(f32::MIN_POSITIVE);
-        let mut begins = Begins { first, cells_per_unit, earlier: vec![0; boxes.len() + 2] };
+        let mut lookup = BoxLookup { first, cells_per_unit, earlier: vec![0; boxes.len() + 2] };
         for cell in 0..boxes.len() + 2 {
-            let is_earlier = |gate: &[f32; 2]| begins.cell(gate[0]) < cell;
-            begins.earlier[cell] = boxes.partition_point(is_earlier) as u32;
+            let is_earlier = |gate: &[f32; 2]| lookup.cell(gate[0]) < cell;
+            lookup.earlier[cell] = boxes.partition_point(is_earlier) as u32;
         }
-        begins
+        lookup
     }
 
     /// The cell of a travel time. Rounding keeps the order: of two times, the earlier one never has the later cell.
@@ -87,7 +88,7 @@ impl Begins {
     }
 
     /// Number of `boxes` that begin at or before `tau`.
-    fn count_until(&self, boxes: &[[f32; 2]], tau: f32) -> usize {
+    fn count_begun(&self, boxes: &[[f32; 2]], tau: f32) -> usize {
         let cell = self.cell(tau);
         let [begin, end] = [self.earlier[cell] as usize, self.earlier[cell + 1] as usize];
         begin + boxes[begin..end].partition_point(|gate| gate[0] <= tau)
@@ -199,11 +200,11 @@ pub mod tests {
         let all: [Vec<[f32; 2]>; 6] =
             [uneven.collect(), even(300), even(1), vec![], vec![[1.0, 1.0]; 9], vec![[0.0, f32::INFINITY]]];
         for boxes in all {
-            let begins = Begins::new(&boxes);
+            let lookup = BoxLookup::new(&boxes);
             let ends = boxes.iter().flatten().flat_map(|x| [x.next_down(), *x, x.next_up()]);
             for tau in ends.chain((0..2000).map(|i| 0.01 * i as f32)).chain([f32::MAX, f32::INFINITY]) {
                 let wanted = boxes.partition_point(|gate| gate[0] <= tau);
-                assert_eq!(begins.count_until(&boxes, tau), wanted, "{tau} in {} boxes", boxes.len());
+                assert_eq!(lookup.count_begun(&boxes, tau), wanted, "{tau} in {} boxes", boxes.len());
             }
         }
     }
