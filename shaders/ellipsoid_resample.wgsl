@@ -47,8 +47,8 @@ fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     let dimension = (STREAM_QUERY << 28u) | ((q.flags & VERTEX_DEPTH) << 14u) | ELLIPSOID_STREAM;
     var rng = pcg4d(vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed)).x;
     let slot = rank * frame.slots + frame.slots - 1u;
-    // If lamps are in the trees, they come before the other vertices too: they are the emitter points then, with a single tree.
-    let lamps = frame.deterministic_count + select(0u, frame.emitter_points, QUERIED_PUNCTUAL);
+    // With a single tree, the 3D tree holds only punctual lights, if queries choose them. Its vertices come before those of the 4D tree.
+    let lamps = frame.deterministic_count + select(0u, frame.emitter_vertex_count, QUERIED_PUNCTUAL);
     let others = frame.vertex_count - lamps;
     // Half of the candidates begin at a lamp, or at another deterministic vertex, if there are vertices of both kinds.
     let of_lamps = select(select(CANDIDATES / 2u, CANDIDATES, others == 0u), 0u, lamps == 0u);

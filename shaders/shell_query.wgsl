@@ -49,7 +49,7 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
 
 fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {
     let first = frame.deterministic_count;
-    let n = frame.emitter_points;
+    let n = frame.emitter_vertex_count;
     if (n == 0u) {
         return used;
     }

@@ -53,9 +53,9 @@ struct Frame {
     crop_height: u32,
     // Number of the first sample of every pixel in this iteration. Numbers count over the whole render, so no pixel uses one twice.
     first_sample: u32,
-    // pt: number of emitter points in the pool. Estimators with trees: number of vertices of the 3D tree, 0 if there is none. In both
-    // cases, these vertices follow the deterministic ones.
-    emitter_points: u32,
+    // Number of vertices on emitters that come right after the deterministic vertices. With pt, these are the emitter points. With
+    // trees, these are the vertices of the 3D tree. 0 for other orders of the pool.
+    emitter_vertex_count: u32,
     // Candidate slots per shade point.
     slots: u32,
     // Position of the camera: the pinhole, or the point where the axis meets the sensor plane.

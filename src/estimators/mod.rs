@@ -158,8 +158,8 @@ pub enum PoolOrder {
 /// Properties of an iteration's pool and of the settings that determine the number of slots.
 #[derive(Debug, Clone, Copy)]
 pub struct PoolShape {
-    /// Whether the pool holds points on emitters.
-    pub has_emitter_points: bool,
+    /// Whether vertices on emitters come right after the deterministic vertices.
+    pub has_emitter_vertices: bool,
     /// Number of vertices of the longest light subpath; 0 if the pool is not ordered by path.
     pub longest_path: u32,
     /// Number of trees that are not empty. A pool that is ordered by travel time counts as one tree.

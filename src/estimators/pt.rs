@@ -16,7 +16,7 @@ pub(super) static RECORD: Record = Record {
     pool_order: PoolOrder::EmitterPoints,
     query_kernel: SHELL_QUERY,
     constants: &[("ESTIMATOR", ESTIMATOR_PT)],
-    slots: |pool| u32::from(pool.has_emitter_points),
+    slots: |pool| u32::from(pool.has_emitter_vertices),
     time_groups: 1,
     for_histograms: None,
     for_thin_gates: None,

@@ -356,7 +356,7 @@ impl Plan {
         self.slots(&PoolLayout {
             // If thin beams miss everything, only the punctual lights are left. They may be few enough for one slot each.
             deterministic: if self.queries_deterministic(punctual) { 0 } else { self.max_deterministic },
-            emitter_points: u32::from(emitters.has_area()),
+            emitter_vertices: u32::from(emitters.has_area()),
             tree3_root: if spatial { 0 } else { NONE },
             tree4_root: if all { 0 } else { NONE },
             longest_path: self.max_depth,
@@ -378,7 +378,7 @@ impl Plan {
         if let Some((pool, slots)) = pool {
             frame.deterministic_count = pool.deterministic;
             frame.vertex_count = pool.vertices;
-            frame.emitter_points = pool.emitter_points;
+            frame.emitter_vertex_count = pool.emitter_vertices;
             frame.tree3_root = pool.tree3_root;
             frame.tree4_root = pool.tree4_root;
             frame.slots = slots;

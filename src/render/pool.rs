@@ -121,7 +121,7 @@ impl LightPool {
     fn layout(&self) -> PoolLayout {
         PoolLayout {
             deterministic: self.deterministic.len() as u32,
-            emitter_points: self.emitter_points.len() as u32,
+            emitter_vertices: 0,
             tree3_root: NONE,
             tree4_root: NONE,
             longest_path: 0,
@@ -139,7 +139,8 @@ impl LightPool {
     fn emitters_only(&self) -> SortedPool {
         let mut vertices = self.deterministic_with_cdf();
         vertices.extend_from_slice(&self.emitter_points.vertices);
-        SortedPool { vertices, records: vec![], nodes: vec![], offsets: vec![], layout: self.layout() }
+        let layout = PoolLayout { emitter_vertices: self.emitter_points.len() as u32, ..self.layout() };
+        SortedPool { vertices, records: vec![], nodes: vec![], offsets: vec![], layout }
     }
 
     /// Counting sort by light path. The vertices of a path stay in the order of the path.
@@ -232,7 +233,7 @@ impl LightPool {
         vertices.extend(items4.iter().map(|i| all[i.index as usize]));
         let layout = PoolLayout {
             deterministic: one_by_one.len() as u32,
-            emitter_points: items3.len() as u32,
+            emitter_vertices: items3.len() as u32,
             tree3_root: tree3.root,
             tree4_root: tree4.root,
             vertices: vertices.len() as u32,

@@ -49,7 +49,7 @@ host_twins! {
         max_depth: u32, queries: u32, deterministic_count: u32, emitter_count: u32,
         tree3_root: u32, tree4_root: u32, keep_s0: f32, keep_t1: f32,
         keep_s2: f32, crop_x: u32, crop_y: u32, crop_width: u32,
-        crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
+        crop_height: u32, first_sample: u32, emitter_vertex_count: u32, slots: u32,
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
         hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
