@@ -55,27 +55,29 @@ fn sample_count_ratios(r: u32, depth: u32) -> vec2<f32> {
 }
 
 // Weight of connecting q and v (Eqs. 38 to 40). d2: squared length of the segment; in media, divided by its `flight_density`.
-// w_sensor sums the strategies that trace q from v, w_light the strategies that trace v from q.
+// `light_sum`: sum over the strategies with shorter light subpaths, which trace v from q. `sensor_sum`: sum over the strategies with
+// shorter sensor subpaths, which trace q from v. Each term is a squared ratio: density times sample count of the
+// strategy, over the same product of this connection.
 fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evaluation, d2: f32) -> f32 {
     let q_to_v = at_q.pdf * at_v.cosine / d2;
     let v_to_q = at_v.pdf * at_q.cosine / d2;
     let ratios = sample_count_ratios(random_vertices(v), q.flags & VERTEX_DEPTH);
-    var w_light = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
-    var w_sensor = frame.keep_s2
+    var light_sum = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
+    var sensor_sum = frame.keep_s2
         * (mis(ratios.x * v_to_q) * q.d_vcm + mis(ratios.y * v_to_q) * (q.d_vc * mis(at_q.pdf_reverse)));
     if (HAS_ELLIPSOIDS) {
         let w = normalize(v.position - q.position);
         let r = distance(v.position, q.position);
-        w_light += mis(q_to_v) * auxiliary_sum(v) + sum_over_auxiliary(v, -w, r);
-        w_sensor += mis(ratios.x * v_to_q) * auxiliary_sum(q) + sum_over_sensor_auxiliary(q, w, r);
+        light_sum += mis(q_to_v) * auxiliary_sum(v) + sum_over_auxiliary(v, -w, r);
+        sensor_sum += mis(ratios.x * v_to_q) * auxiliary_sum(q) + sum_over_sensor_auxiliary(q, w, r);
     }
     // The sums assume that flights place all events. Sensor subpaths draw events next to a deterministic vertex in the gate instead.
     if (is_in_medium(q) && is_drawn_in_gate(v)) {
-        w_sensor /= mis(density_gain(q.material, normalize(v.position - q.position), q.to_previous));
+        sensor_sum /= mis(density_gain(q.material, normalize(v.position - q.position), q.to_previous));
     } else if (follows_connected(v)) {
-        w_light *= mis(density_gain(v.material, v.to_previous, normalize(q.position - v.position)));
+        light_sum *= mis(density_gain(v.material, v.to_previous, normalize(q.position - v.position)));
     }
-    return 1.0 / (1.0 + w_light + w_sensor);
+    return 1.0 / (1.0 + light_sum + sensor_sum);
 }
 
 // Weight of s = 0 for a sensor subpath that ends at q on an emitter, `depth` segments from the sensor. `direct`:
@@ -120,13 +122,13 @@ fn ellipsoidal_weight(
     // Strategies that trace x from q: they connect x to v, or also trace v from x.
     let x_to_v = mis(at_x.pdf * at_v.cosine / d2.x);
     let before = x_to_v * (v.d_vcm + auxiliary_sum(v) + v.d_vc * mis(at_v.pdf_reverse));
-    let w_light = mis(at_q.pdf * cosine_q / d2.y) * (1.0 + before + sum_over_auxiliary(v, -to_v, r1));
+    let light_sum = mis(at_q.pdf * cosine_q / d2.y) * (1.0 + before + sum_over_auxiliary(v, -to_v, r1));
     // Strategies that trace x from v.
     let x_to_q = mis(at_x.pdf_reverse * at_q.cosine / d2.y);
     let ratios = sample_count_ratios(random_vertices(v) + 1u, q.flags & VERTEX_DEPTH);
     let after = x_to_q * (mis(ratios.x) * (q.d_vcm + auxiliary_sum(q)) + mis(ratios.y) * (q.d_vc * mis(at_q.pdf_reverse)));
-    let w_sensor = mis(sample_count_ratio(v) * at_v.pdf * cosine_v / d2.x) * (1.0 + after + sum_over_sensor_auxiliary(q, -to_q, r2));
-    return squared / (squared + w_light + w_sensor);
+    let sensor_sum = mis(sample_count_ratio(v) * at_v.pdf * cosine_v / d2.x) * (1.0 + after + sum_over_sensor_auxiliary(q, -to_q, r2));
+    return squared / (squared + light_sum + sensor_sum);
 }
 
 // Factor of the strategy s = 0 for light from the sky in the MIS sums: 0 if it is switched off, otherwise 1.
@@ -139,9 +141,9 @@ fn sky_connection_weight(q: PathVertex, at_q: Evaluation, pdf: f32) -> f32 {
     let header = load_sky();
     // Light subpaths sample the direction with the same density `pdf`, so `pdf` cancels.
     let longer = frame.query_sample_count * header.select_pdf * header.disk_pdf * at_q.cosine;
-    let w_light = keep_escape() * mis(at_q.pdf / pdf);
-    let w_sensor = frame.keep_s2 * mis(longer) * (q.d_vcm + q.d_vc * mis(at_q.pdf_reverse));
-    return 1.0 / (1.0 + w_light + w_sensor);
+    let light_sum = keep_escape() * mis(at_q.pdf / pdf);
+    let sensor_sum = frame.keep_s2 * mis(longer) * (q.d_vcm + q.d_vc * mis(at_q.pdf_reverse));
+    return 1.0 / (1.0 + light_sum + sensor_sum);
 }
 
 // Weight of s = 0 for a sensor subpath that leaves the scene with its segment `depth`. `pdf`: see `sky_connection_weight`.
