@@ -1,7 +1,7 @@
 //! `bdpt`: full bidirectional path tracing (Veach 1997, ch. 10). Each shade point is connected to every vertex of one light
 //! subpath; paths outside the gate are rejected. `bdpt` is a baseline of the paper.
 
-use super::{Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use super::{COMMON_QUERY_KERNEL, Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record};
 use crate::wgsl::layout::constants::ESTIMATOR_BDPT;
 
 pub(super) static RECORD: Record = Record {
@@ -18,7 +18,7 @@ pub(super) static RECORD: Record = Record {
     light_subpaths: true,
     trees: None,
     pool_order: PoolOrder::ByPath,
-    query_kernel: SHELL_QUERY,
+    query_kernel: COMMON_QUERY_KERNEL,
     constants: &[("ESTIMATOR", ESTIMATOR_BDPT)],
     slots: |pool| pool.longest_path,
     time_groups: 1,

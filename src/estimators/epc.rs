@@ -1,7 +1,7 @@
 //! `epc`: ellipsoidal path connections (Pediredla, Veeraraghavan and Gkioulekas 2019). As `bdpt`, but a connection that is too
 //! short for the gate gets an auxiliary vertex on an ellipsoid. The path then has a travel time inside the gate.
 
-use super::{Ellipsoids, Estimator, PoolOrder, Record, SHELL_QUERY};
+use super::{COMMON_QUERY_KERNEL, Ellipsoids, Estimator, PoolOrder, Record};
 use crate::wgsl::layout::constants::ESTIMATOR_EPC;
 
 pub(super) static RECORD: Record = Record {
@@ -12,7 +12,7 @@ pub(super) static RECORD: Record = Record {
     light_subpaths: true,
     trees: None,
     pool_order: PoolOrder::ByPath,
-    query_kernel: SHELL_QUERY,
+    query_kernel: COMMON_QUERY_KERNEL,
     constants: &[("ESTIMATOR", ESTIMATOR_EPC)],
     slots: |pool| pool.longest_path,
     time_groups: 1,

@@ -2,7 +2,7 @@
 //! the candidates for one shadow ray. In a histogram over a wide range of travel times, nearly every vertex meets some bin, and
 //! each bin needs connections. So `lcs` draws vertices evenly over travel time there, and traces a shadow ray to each of them.
 
-use super::{Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
+use super::{COMMON_QUERY_KERNEL, Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, TreeDefaults};
 use crate::wgsl::layout::constants::{ESTIMATOR_LCS_BY_TIME, MAX_TIME_GROUPS};
 
 const NAME: &str = "lcs";
@@ -66,7 +66,7 @@ static FOR_HISTOGRAMS: Record = Record {
     light_subpaths: true,
     trees: Some(TREES),
     pool_order: PoolOrder::ByTime,
-    query_kernel: SHELL_QUERY,
+    query_kernel: COMMON_QUERY_KERNEL,
     constants: &[("ESTIMATOR", ESTIMATOR_LCS_BY_TIME)],
     slots: |pool| pool.trees * pool.queries,
     time_groups: 1,

@@ -170,8 +170,9 @@ pub struct PoolShape {
     pub queries: u32,
 }
 
-/// Query kernel of all estimators; `lcs` uses it only for histograms. Its constant `ESTIMATOR` selects how it chooses.
-const SHELL_QUERY: &str = "shell_query";
+/// Query kernel that all estimators share; `lcs` uses it only for histograms. Its constant `ESTIMATOR` selects how it chooses light
+/// vertices. Its name comes from the light-cone shell queries of `lcs-paper`.
+const COMMON_QUERY_KERNEL: &str = "shell_query";
 
 impl Estimator {
     /// All estimators, the simplest first.

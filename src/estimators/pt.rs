@@ -1,7 +1,7 @@
 //! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters, so only the strategies with s <= 1 and
 //! t >= 2 exist.
 
-use super::{Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use super::{COMMON_QUERY_KERNEL, Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record};
 use crate::wgsl::layout::constants::ESTIMATOR_PT;
 
 pub(super) static RECORD: Record = Record {
@@ -14,7 +14,7 @@ pub(super) static RECORD: Record = Record {
     light_subpaths: false,
     trees: None,
     pool_order: PoolOrder::EmitterPoints,
-    query_kernel: SHELL_QUERY,
+    query_kernel: COMMON_QUERY_KERNEL,
     constants: &[("ESTIMATOR", ESTIMATOR_PT)],
     slots: |pool| u32::from(pool.has_emitter_vertices),
     time_groups: 1,
