@@ -27,18 +27,18 @@ impl Renderer {
     }
 
     /// Samples per pixel in the next iteration, after `elapsed` time of rendering; 0 when the budget is used, or if
-    /// [`Renderer::is_surely_black`].
+    /// [`Renderer::can_end_early`].
     #[doc(hidden)]
     pub fn next_samples(&self, budget: &Budget, elapsed: Duration) -> u32 {
         let film = self.film();
-        let is_enough = self.is_surely_black(budget);
+        let is_enough = self.can_end_early(budget);
         if is_enough { 0 } else { next_samples(budget, film.iterations(), film.samples(), elapsed) }
     }
 
-    /// Whether a budget of seconds can end early: no light can arrive inside the gate, and the film has the two iterations that a
-    /// variance needs. False for a budget of samples, which is always rendered whole.
+    /// Whether the render can end before its budget of seconds: no light can arrive inside the gate, and the film has the two
+    /// iterations that a variance needs. False for a budget of samples, which is always rendered whole.
     #[doc(hidden)]
-    pub fn is_surely_black(&self, budget: &Budget) -> bool {
+    pub fn can_end_early(&self, budget: &Budget) -> bool {
         self.is_dark() && matches!(budget, Budget::Seconds(_)) && self.film().iterations() >= 2
     }
 }

@@ -62,7 +62,7 @@ impl Iterations<'_> {
             let elapsed = started.elapsed() + Duration::from_secs_f64(before.seconds);
             let (next, film) = (renderer.next(), renderer.film());
             let samples = next_samples_of(shard, &budget, next, film.iterations(), film.samples(), elapsed);
-            if samples == 0 || renderer.is_surely_black(&budget) || stop.load(Ordering::Relaxed) {
+            if samples == 0 || renderer.can_end_early(&budget) || stop.load(Ordering::Relaxed) {
                 return Ok(done);
             }
             let may_abandon = renderer.film().samples() > 0 && !renderer.has_responses();
