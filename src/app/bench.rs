@@ -327,7 +327,7 @@ impl Bench {
             return Ok(());
         }
         for (scene, _) in &scenes {
-            super::print(&text(scene, &summary::lines(rows, scene)))?;
+            super::print(&text(scene, &summary::summarise(rows, scene)))?;
         }
         super::print(&growth::section(&growth::growth(&self.suite, rows)))?;
         progress.line(&format!("{}, {}", path.display(), self.results().display()));

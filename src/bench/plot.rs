@@ -20,9 +20,9 @@ pub const COLOURS: [RGBColor; 8] = [
     RGBColor(140, 140, 140),
 ];
 
-/// An SVG plot of the error against seconds, both logarithmic, with bars from minimum to maximum. `figure` names the error.
+/// An SVG plot of the error against seconds, both logarithmic, with bars from minimum to maximum. `measure`: name of the error measure.
 /// `None` if there is nothing to draw.
-pub fn convergence(title: &str, figure: &str, curves: &[(String, Vec<Point>)]) -> Result<Option<String>> {
+pub fn convergence(title: &str, measure: &str, curves: &[(String, Vec<Point>)]) -> Result<Option<String>> {
     let points = || curves.iter().flat_map(|(_, points)| points).filter(|p| p.relmse.min > 0.0);
     let span = |of: &dyn Fn(&Point) -> [f64; 2]| {
         let all: Vec<f64> = points().flat_map(of).collect();
@@ -34,14 +34,14 @@ pub fn convergence(title: &str, figure: &str, curves: &[(String, Vec<Point>)]) -
     }
     let (times, errors) = (span(&|p| [p.seconds; 2]), span(&|p| [p.relmse.min, p.relmse.max]));
     let mut svg = String::new();
-    draw(&mut svg, [title, figure], curves, times, errors)
+    draw(&mut svg, [title, measure], curves, times, errors)
         .map_err(|e| Error::Settings(format!("the plot of {title}: {e}")))?;
     Ok(Some(svg))
 }
 
 fn draw(
     svg: &mut String,
-    [title, figure]: [&str; 2],
+    [title, measure]: [&str; 2],
     curves: &[(String, Vec<Point>)],
     times: std::ops::Range<f64>,
     errors: std::ops::Range<f64>,
@@ -57,7 +57,7 @@ fn draw(
     chart
         .configure_mesh()
         .x_desc("seconds of rendering")
-        .y_desc(figure)
+        .y_desc(measure)
         .x_label_formatter(&label)
         .y_label_formatter(&label)
         .light_line_style(WHITE)

@@ -51,23 +51,23 @@ fn plain(name: &str) -> String {
 pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
     let mut text = header(page) + &against_the_paper(page);
     for (scene, entries) in page.scenes {
-        let lines = summary::lines(page.rows, scene);
-        if lines.is_empty() {
+        let summaries = summary::summarise(page.rows, scene);
+        if summaries.is_empty() {
             continue;
         }
         let _ = writeln!(text, "\n## {scene}\n");
         let _ = writeln!(text, "{}\n", image_and_gate(&entries[0]));
-        if let Some(paper) = reported(page, scene) {
+        if let Some(paper) = paper_results(page, scene) {
             let _ = writeln!(text, "The paper reports: {paper}.\n");
         }
-        text += &convergence(out, page, scene, &lines)?;
+        text += &convergence(out, page, scene, &summaries)?;
         if !page.suite.errors {
-            text += &costs(&lines);
+            text += &costs(&summaries);
             continue;
         }
         text += &crops(out, page, scene, entries)?;
-        text += &table(&lines);
-        text += &reference_errors(page, entries, &lines)?;
+        text += &table(&summaries);
+        text += &reference_errors(page, entries, &summaries)?;
     }
     let growths = growth::growth(page.suite, page.rows);
     if !growths.is_empty() {
@@ -124,7 +124,7 @@ fn image_and_gate(entry: &Entry) -> String {
 }
 
 /// The results that the paper reports for a scene, if the suite names any.
-fn reported<'a>(page: &Page<'a>, scene: &str) -> Option<&'a str> {
+fn paper_results<'a>(page: &Page<'a>, scene: &str) -> Option<&'a str> {
     let entry = page.suite.scenes.iter().find(|entry| entry.name == *scene)?;
     Some(entry.paper.as_str()).filter(|paper| !paper.is_empty())
 }
@@ -134,15 +134,15 @@ fn reported<'a>(page: &Page<'a>, scene: &str) -> Option<&'a str> {
 fn against_the_paper(page: &Page) -> String {
     let mut text = String::new();
     for (scene, _) in page.scenes {
-        let Some(paper) = reported(page, scene) else { continue };
-        let has_trees = |line: &&VariantSummary| {
-            let named = |row: &&Row| row.scene == *scene && row.variant == line.variant;
+        let Some(paper) = paper_results(page, scene) else { continue };
+        let has_trees = |summary: &&VariantSummary| {
+            let named = |row: &&Row| row.scene == *scene && row.variant == summary.variant;
             let estimator = page.rows.iter().find(named).map(|row| row.estimator.parse::<Estimator>());
             estimator.is_some_and(|estimator| estimator.is_ok_and(Estimator::has_trees))
         };
-        for line in summary::lines(page.rows, scene).iter().filter(has_trees) {
-            let [all, trimmed] = [&line.all, &line.trimmed].map(ratio);
-            let _ = writeln!(text, "| {scene} | {} | {all} | {trimmed} | {paper} |", line.variant);
+        for summary in summary::summarise(page.rows, scene).iter().filter(has_trees) {
+            let [all, trimmed] = [&summary.all, &summary.trimmed].map(ratio);
+            let _ = writeln!(text, "| {scene} | {} | {all} | {trimmed} | {paper} |", summary.variant);
         }
     }
     if text.is_empty() {
@@ -159,17 +159,17 @@ fn against_the_paper(page: &Page) -> String {
 
 /// Writes the plot of relMSE over all pixels. If the reference is too noisy for a variant, the plot shows trimmed relMSE instead,
 /// for the variants whose trimmed relMSE is reliable. Returns the link to the plot.
-fn convergence(out: &Path, page: &Page, scene: &str, lines: &[VariantSummary]) -> Result<String> {
+fn convergence(out: &Path, page: &Page, scene: &str, summaries: &[VariantSummary]) -> Result<String> {
     let rows: Vec<&Row> = page.rows.iter().filter(|row| row.scene == *scene).collect();
-    let over_all = lines.iter().all(|line| line.all.reliable);
-    let shown = lines.iter().filter(|line| over_all || line.trimmed.reliable);
+    let over_all = summaries.iter().all(|summary| summary.all.reliable);
+    let shown = summaries.iter().filter(|summary| over_all || summary.trimmed.reliable);
     let part = if over_all { summary::all } else { summary::trimmed };
-    let curves: Vec<_> = shown.map(|l| (l.variant.clone(), summary::curve(&rows, &l.variant, part))).collect();
-    let figure = if over_all { "relMSE" } else { "trimmed relMSE" };
-    let Some(svg) = plot::convergence(scene, figure, &curves)? else { return Ok(String::new()) };
+    let curves: Vec<_> = shown.map(|s| (s.variant.clone(), summary::curve(&rows, &s.variant, part))).collect();
+    let measure = if over_all { "relMSE" } else { "trimmed relMSE" };
+    let Some(svg) = plot::convergence(scene, measure, &curves)? else { return Ok(String::new()) };
     let name = format!("{}.svg", plain(scene));
     write_atomically(&out.join(&name), |file| std::io::Write::write_all(file, svg.as_bytes()))?;
-    Ok(format!("![{figure} against time]({name})\n\n"))
+    Ok(format!("![{measure} against time]({name})\n\n"))
 }
 
 /// Writes the strip of crops. Returns its link and caption, or nothing if the reference or all images are missing.
@@ -204,20 +204,20 @@ fn crops(out: &Path, page: &Page, scene: &str, entries: &[Entry]) -> Result<Stri
 }
 
 /// The errors of the references themselves, one paragraph per reference.
-fn reference_errors(page: &Page, entries: &[Entry], lines: &[VariantSummary]) -> Result<String> {
+fn reference_errors(page: &Page, entries: &[Entry], summaries: &[VariantSummary]) -> Result<String> {
     let mut text = String::new();
     for (at, entry) in entries.iter().enumerate() {
         if entries[..at].iter().any(|previous| previous.reference == entry.reference) {
             continue;
         }
         let Some(Reference { own, picture, .. }) = reference::read(page.references, entry)? else { continue };
-        let shares = |line: &&VariantSummary| {
-            entries.iter().any(|e| e.variant == line.variant && e.reference == entry.reference)
+        let shares = |summary: &&VariantSummary| {
+            entries.iter().any(|e| e.variant == summary.variant && e.reference == entry.reference)
         };
-        let min = |line: &VariantSummary| Means { all: line.all.relmse.min, trimmed: line.trimmed.relmse.min };
+        let min = |summary: &VariantSummary| Means { all: summary.all.relmse.min, trimmed: summary.trimmed.relmse.min };
         let (names, errors): (Vec<&str>, Vec<Means>) =
-            lines.iter().filter(shares).map(|line| (line.variant.as_str(), min(line))).unzip();
-        let whose = if names.len() == lines.len() { String::new() } else { format!(" for {}", names.join(", ")) };
+            summaries.iter().filter(shares).map(|summary| (summary.variant.as_str(), min(summary))).unzip();
+        let whose = if names.len() == summaries.len() { String::new() } else { format!(" for {}", names.join(", ")) };
         let taken = picture.seconds.map_or(String::new(), |seconds| format!(" after {seconds:.0} s of rendering"));
         let best = errors.into_iter().fold(Means::INFINITE, Means::min);
         let _ = writeln!(
@@ -234,61 +234,62 @@ fn reference_errors(page: &Page, entries: &[Entry], lines: &[VariantSummary]) ->
 }
 
 /// The table of a scene as Markdown.
-fn table(lines: &[VariantSummary]) -> String {
+fn table(summaries: &[VariantSummary]) -> String {
     let mut text = String::from(
         "| variant | seconds | samples | relMSE | times lower | trimmed relMSE | times lower | FLIP | slope | light vertices | queries/s | rays/s | dead | dropped |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for line in lines {
-        let [(error, factor), (trimmed, trimmed_factor)] = [&line.all, &line.trimmed].map(|f| (relmse(f), ratio(f)));
-        let slope = line.slope.map_or("-".into(), |slope| format!("{slope:.2}"));
+    for summary in summaries {
+        let [(error, factor), (trimmed, trimmed_factor)] =
+            [&summary.all, &summary.trimmed].map(|error| (relmse(error), ratio(error)));
+        let slope = summary.slope.map_or("-".into(), |slope| format!("{slope:.2}"));
         let _ = writeln!(
             text,
             "| {} | {:.1} | {:.0} | {error} | {factor} | {trimmed} | {trimmed_factor} | {} | {slope} | {:.0} | {:.2} M | {:.2} M | {:.1} % | {} |",
-            line.variant,
-            line.seconds,
-            line.samples,
-            spread(&line.flip, &|x| format!("{x:.4}")),
-            line.light_vertices,
-            line.queries_per_s / 1e6,
-            line.rays_per_s / 1e6,
-            100.0 * line.dead_query_share,
-            line.dropped,
+            summary.variant,
+            summary.seconds,
+            summary.samples,
+            spread(&summary.flip, &|x| format!("{x:.4}")),
+            summary.light_vertices,
+            summary.queries_per_s / 1e6,
+            summary.rays_per_s / 1e6,
+            100.0 * summary.dead_query_share,
+            summary.dropped,
         );
     }
     text
 }
 
-fn relmse(figure: &ErrorSummary) -> String {
-    match figure.reliable {
-        true => spread(&figure.relmse, &|x| format!("{x:.3e}")),
+fn relmse(error: &ErrorSummary) -> String {
+    match error.reliable {
+        true => spread(&error.relmse, &|x| format!("{x:.3e}")),
         false => "reference too noisy".into(),
     }
 }
 
-fn ratio(figure: &ErrorSummary) -> String {
-    figure.ratio.map_or("-".into(), |ratio| spread(&ratio, &|x| format!("{x:.2}")))
+fn ratio(error: &ErrorSummary) -> String {
+    error.ratio.map_or("-".into(), |ratio| spread(&ratio, &|x| format!("{x:.2}")))
 }
 
 /// The table of a scene, as Markdown, if only costs were measured.
-fn costs(lines: &[VariantSummary]) -> String {
+fn costs(summaries: &[VariantSummary]) -> String {
     let mut text = String::from(
         "| variant | seconds | samples | us per pixel sample | light vertices | queries/s | rays/s | dead | dropped |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );
-    for line in lines {
+    for summary in summaries {
         let _ = writeln!(
             text,
             "| {} | {:.1} | {:.0} | {} | {:.0} | {:.2} M | {:.2} M | {:.1} % | {} |",
-            line.variant,
-            line.seconds,
-            line.samples,
-            spread(&line.us_per_sample, &|x| format!("{x:.3}")),
-            line.light_vertices,
-            line.queries_per_s / 1e6,
-            line.rays_per_s / 1e6,
-            100.0 * line.dead_query_share,
-            line.dropped,
+            summary.variant,
+            summary.seconds,
+            summary.samples,
+            spread(&summary.us_per_sample, &|x| format!("{x:.3}")),
+            summary.light_vertices,
+            summary.queries_per_s / 1e6,
+            summary.rays_per_s / 1e6,
+            100.0 * summary.dead_query_share,
+            summary.dropped,
         );
     }
     text

@@ -109,7 +109,7 @@ pub struct Point {
 }
 
 /// Summaries of all variants in a scene, in the order of the rows.
-pub fn lines(rows: &[Row], scene: &str) -> Vec<VariantSummary> {
+pub fn summarise(rows: &[Row], scene: &str) -> Vec<VariantSummary> {
     let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
     let mut names: Vec<&str> = vec![];
     for row in &rows {
@@ -118,7 +118,7 @@ pub fn lines(rows: &[Row], scene: &str) -> Vec<VariantSummary> {
         }
     }
     let ends: Vec<&Row> = rows.iter().copied().filter(|row| is_last(row, &rows)).collect();
-    names.into_iter().filter_map(|name| line(name, &rows, &ends)).collect()
+    names.into_iter().filter_map(|name| summarise_variant(name, &rows, &ends)).collect()
 }
 
 /// The rows at the end of a variant's time in a scene, one per repetition.
@@ -132,7 +132,7 @@ fn is_last(row: &Row, rows: &[&Row]) -> bool {
     rows.iter().filter(same).all(|other| other.point <= row.point)
 }
 
-fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<VariantSummary> {
+fn summarise_variant(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<VariantSummary> {
     let mine: Vec<&Row> = ends.iter().copied().filter(|row| row.variant == variant).collect();
     let median = |of: &dyn Fn(&Row) -> f64| Spread::of(mine.iter().map(|row| of(row))).map(|spread| spread.median);
     let [all_pixels, trimmed_pixels] = [all, trimmed].map(|part| ErrorSummary::of(rows, ends, variant, part));
@@ -222,30 +222,30 @@ pub(super) mod tests {
                 rows.push(row("ours", "lcs-paper", repetition, point, 0.1 * error));
             }
         }
-        let lines = lines(&rows, "s");
-        assert_eq!(lines.iter().map(|l| l.variant.as_str()).collect::<Vec<_>>(), ["plain", "path", "ours"]);
-        let ratio = lines[2].trimmed.ratio.unwrap();
+        let summaries = summarise(&rows, "s");
+        assert_eq!(summaries.iter().map(|s| s.variant.as_str()).collect::<Vec<_>>(), ["plain", "path", "ours"]);
+        let ratio = summaries[2].trimmed.ratio.unwrap();
         assert!((ratio.median - 10.0).abs() < 1e-12 && (ratio.max - ratio.min).abs() < 1e-12, "{ratio:?}");
-        assert_eq!(lines[0].all.ratio.unwrap().median, 1.0);
-        assert!((lines[2].slope.unwrap() + 1.0).abs() < 1e-12);
-        assert_eq!((lines[0].all.relmse.median, lines[0].all.relmse.max, lines[0].dropped), (0.25, 0.5, 3));
-        assert_eq!(lines[0].trimmed.relmse.median, 0.125);
+        assert_eq!(summaries[0].all.ratio.unwrap().median, 1.0);
+        assert!((summaries[2].slope.unwrap() + 1.0).abs() < 1e-12);
+        assert_eq!((summaries[0].all.relmse.median, summaries[0].all.relmse.max, summaries[0].dropped), (0.25, 0.5, 3));
+        assert_eq!(summaries[0].trimmed.relmse.median, 0.125);
         // Over all pixels the best error, 0.0125, is less than 20 times the error of the reference, 0.001.
         let reliable: Vec<_> =
-            lines.iter().map(|l| (l.all.reliable, l.all.ratio.is_some(), l.trimmed.reliable)).collect();
+            summaries.iter().map(|s| (s.all.reliable, s.all.ratio.is_some(), s.trimmed.reliable)).collect();
         assert_eq!(reliable, [(true, true, true), (true, true, true), (false, false, true)]);
         // No ratio is reported against a baseline whose error is as small as that of its reference.
         let poor = rows.iter().cloned().map(|row| Row { own: Means { all: 0.019, trimmed: 0.0 }, ..row });
-        let poor = super::lines(&poor.collect::<Vec<_>>(), "s");
-        assert!(poor.iter().all(|l| l.all.ratio.is_none() && l.trimmed.ratio.is_some()), "{poor:?}");
-        assert!(super::lines(&rows, "elsewhere").is_empty());
+        let poor = summarise(&poor.collect::<Vec<_>>(), "s");
+        assert!(poor.iter().all(|s| s.all.ratio.is_none() && s.trimmed.ratio.is_some()), "{poor:?}");
+        assert!(summarise(&rows, "elsewhere").is_empty());
     }
 
     #[test]
     fn only_pt_and_bdpt_are_baselines() {
         let row = |estimator, relmse| row(estimator, estimator, 0, 0, relmse);
         let rows = [row("pt", 0.4), row("bdpt", 0.2), row("epc", 0.05), row("lcs", 0.1)];
-        let ratios = lines(&rows, "s").iter().map(|l| l.all.ratio.unwrap().median).collect::<Vec<_>>();
+        let ratios = summarise(&rows, "s").iter().map(|s| s.all.ratio.unwrap().median).collect::<Vec<_>>();
         assert_eq!(ratios, [0.5, 1.0, 4.0, 2.0]);
     }
 
@@ -253,12 +253,12 @@ pub(super) mod tests {
     fn images_that_are_worse_than_black_have_no_ratio() {
         let ratio = |baseline: f64, mine: f64| {
             let rows = [row("bdpt", "bdpt", 0, 0, baseline), row("lcs", "lcs", 0, 0, mine)];
-            lines(&rows, "s")[1].all.ratio.map(|ratio| ratio.median)
+            summarise(&rows, "s")[1].all.ratio.map(|ratio| ratio.median)
         };
         assert_eq!((ratio(5.0, 0.5), ratio(0.5, 5.0)), (Some(10.0), Some(0.1)));
         assert_eq!((ratio(5.0, 2.0), ratio(2.0, 5.0)), (None, None));
         // One such repetition is enough.
         let rows = [(0, 0.8), (1, 1.2)].map(|(n, x)| [row("bdpt", "bdpt", n, 0, 2.0 * x), row("lcs", "lcs", n, 0, x)]);
-        assert_eq!(lines(&rows.concat(), "s")[1].all.ratio, None);
+        assert_eq!(summarise(&rows.concat(), "s")[1].all.ratio, None);
     }
 }

@@ -29,36 +29,37 @@ impl SuiteProgress {
 }
 
 /// The results of a scene, one line per variant.
-pub fn text(scene: &str, lines: &[VariantSummary]) -> String {
-    let width = lines.iter().map(|line| line.variant.len()).max().unwrap_or(0);
-    let mut text = if lines.is_empty() { String::new() } else { format!("{scene}\n") };
-    for line in lines {
-        if line.all.relmse.median.is_nan() {
-            let cost = line.us_per_sample;
+pub fn text(scene: &str, summaries: &[VariantSummary]) -> String {
+    let width = summaries.iter().map(|summary| summary.variant.len()).max().unwrap_or(0);
+    let mut text = if summaries.is_empty() { String::new() } else { format!("{scene}\n") };
+    for summary in summaries {
+        if summary.all.relmse.median.is_nan() {
+            let cost = summary.us_per_sample;
             text += &format!(
                 "  {:width$}  {:.3} us per pixel sample ({:.3} to {:.3})  {:.0} samples in {:.1} s\n",
-                line.variant, cost.median, cost.min, cost.max, line.samples, line.seconds
+                summary.variant, cost.median, cost.min, cost.max, summary.samples, summary.seconds
             );
             continue;
         }
         text += &format!(
             "  {:width$}  {}  {}  FLIP {:.4}  {:.0} samples in {:.1} s\n",
-            line.variant,
-            error("relMSE", &line.all),
-            error("trimmed", &line.trimmed),
-            line.flip.median,
-            line.samples,
-            line.seconds
+            summary.variant,
+            error("relMSE", &summary.all),
+            error("trimmed", &summary.trimmed),
+            summary.flip.median,
+            summary.samples,
+            summary.seconds
         );
     }
     text
 }
 
-fn error(name: &str, figure: &ErrorSummary) -> String {
-    let ratio =
-        figure.ratio.map_or(String::new(), |r| format!(", {:.2} times lower ({:.2} to {:.2})", r.median, r.min, r.max));
-    match figure.reliable {
-        true => format!("{name} {:.3e}{ratio}", figure.relmse.median),
+fn error(name: &str, summary: &ErrorSummary) -> String {
+    let ratio = summary
+        .ratio
+        .map_or(String::new(), |r| format!(", {:.2} times lower ({:.2} to {:.2})", r.median, r.min, r.max));
+    match summary.reliable {
+        true => format!("{name} {:.3e}{ratio}", summary.relmse.median),
         false => format!("{name} -"),
     }
 }
