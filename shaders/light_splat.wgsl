@@ -24,7 +24,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     splats[slot] = vec4<u32>(vec3<u32>(0u), NONE);
     let pixel = pixel_of(v.position - frame.sensor);
     // If an event is the only vertex between a deterministic vertex and the sensor, only sensor subpaths form the path
-    // (shared/fog.wgsl).
+    // (shared/fog.wgsl). If it is the only one between a beam and the sensor, beam_events.wgsl draws it in the gate.
     if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE || follows_connected(v)) {
         return;
     }

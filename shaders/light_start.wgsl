@@ -48,7 +48,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     if (HAS_PARALLEL && e.parallel) {
         s.flags |= PATH_PARALLEL;
     }
-    if (DRAWS_IN_GATE && !e.stored && !e.beam && !e.parallel) {
+    if (DRAWS_IN_GATE && !e.stored && !e.parallel && (DRAWS_ON_BEAMS || !e.beam)) {
         s.flags |= PATH_LEAVES_CONNECTED;
     }
     if (!e.beam) {

@@ -34,7 +34,8 @@ const PATH_DETERMINISTIC: u32 = 2u;
 // The ray belongs to a bundle of parallel rays, such as those of a sun, the sky or an orthographic camera. The density per
 // area of the next vertex does not fall with the distance.
 const PATH_PARALLEL: u32 = 4u;
-// Light subpaths: the last vertex is deterministic, and shade points connect to it.
+// Light subpaths: the last vertex is deterministic, and shade points connect to it. Or it is on a beam, and beam_events.wgsl draws
+// the next event. In both cases, another kernel draws an event on this segment in the gate.
 const PATH_LEAVES_CONNECTED: u32 = 8u;
 // Light subpaths: from this bit on, the number of vertices that are not deterministic, at most 3.
 const PATH_RANDOM_SHIFT: u32 = 4u;

@@ -77,26 +77,41 @@ impl Tally {
     }
 }
 
+/// What a batch of light paths yields.
+#[derive(Clone, Copy, PartialEq)]
+enum Yield {
+    /// The vertices of paths, each of which samples its emitter.
+    Paths,
+    /// The deterministic vertices of thin beams. The first path starts from the emitter with this index; each further path starts from
+    /// the next one.
+    Spots(u32),
+    /// One event per path, on the line of the beam that the path starts with (`beam_events.wgsl`).
+    BeamEvents,
+}
+
 /// Light paths that are traced together.
 struct Batch {
     first: u32,
     count: u32,
-    /// NONE if each path samples its emitter. Otherwise the emitter of the first path; the next path has the next emitter,
-    /// and the batch yields only deterministic vertices.
-    emitter: u32,
+    yields: Yield,
 }
 
 impl Batch {
     /// The constants that all dispatches of the batch share. The list of its paths has counter 0.
     fn constants(&self) -> Dispatch {
-        let &Batch { first, count, emitter } = self;
+        let &Batch { first, count, yields } = self;
+        let emitter = if let Yield::Spots(emitter) = yields { emitter } else { NONE };
         let none = Dispatch { list_a: NONE, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
         Dispatch { first, count, emitter, counter: 0, ..none }
     }
 
-    /// Whether the pool stores the vertices of the path in `slot` for connections. Otherwise the path serves t = 1 only.
+    /// Whether the pool stores the vertices of the path in `slot` for connections. Otherwise they serve t = 1 only.
     fn is_stored(&self, plan: &Plan, slot: u32) -> bool {
-        self.emitter != NONE || self.first + slot < plan.light_paths
+        match self.yields {
+            Yield::Paths => self.first + slot < plan.light_paths,
+            Yield::Spots(_) => true,
+            Yield::BeamEvents => false,
+        }
     }
 }
 
@@ -116,6 +131,8 @@ struct Subpaths {
     start: (Kernel, Bindings),
     trace: (Kernel, Bindings),
     splat: (Kernel, Bindings),
+    /// Only if the plan draws events on beams.
+    beam_events: Option<(Kernel, Bindings)>,
     buffers: Buffers,
     recorder: Recorder,
 }
@@ -191,6 +208,7 @@ impl LightTracer {
             Ok((kernel, bindings))
         };
         let (start, trace, splat) = (make("light_start")?, make("light_trace")?, make("light_splat")?);
+        let beam_events = plan.draws_on_beams().then(|| make("beam_events")).transpose()?;
         let device_loop = match device.info().drive.waits_per_bounce {
             true => None,
             false => {
@@ -198,14 +216,15 @@ impl LightTracer {
             }
         };
         let recorder = Recorder::new(device)?;
-        let subpaths = Subpaths { start, trace, splat, buffers, recorder };
+        let subpaths = Subpaths { start, trace, splat, beam_events, buffers, recorder };
         Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec(), pool: LightPool::default() })
     }
 
     /// Files of the kernels, whose entry points have the same names.
-    pub fn files(info: &DeviceInfo) -> Vec<&'static str> {
+    pub fn files(info: &DeviceInfo, plan: &Plan) -> Vec<&'static str> {
         let device_loop: &[&str] = if info.drive.waits_per_bounce { &[] } else { &["light_mark", "light_keep"] };
-        [&["light_start", "light_trace", "light_splat"], device_loop].concat()
+        let on_beams: &[&str] = if plan.draws_on_beams() { &["beam_events"] } else { &[] };
+        [&["light_start", "light_trace", "light_splat"], device_loop, on_beams].concat()
     }
 
     /// Replaces the punctual lights.
@@ -234,12 +253,16 @@ impl LightTracer {
         pool.restart(&self.punctual);
         let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
-            let batch = Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), emitter };
+            let batch =
+                Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), yields: Yield::Spots(emitter) };
             self.run_batch(plan, &batch, &mut pool, visit, stats)?;
         }
-        for first in (0..plan.traced_paths()).step_by(BATCH) {
-            let count = (plan.traced_paths() - first).min(BATCH as u32);
-            self.run_batch(plan, &Batch { first, count, emitter: NONE }, &mut pool, visit, stats)?;
+        let on_beams = plan.draws_on_beams().then_some(Yield::BeamEvents);
+        for yields in [Yield::Paths].into_iter().chain(on_beams) {
+            for first in (0..plan.traced_paths()).step_by(BATCH) {
+                let count = (plan.traced_paths() - first).min(BATCH as u32);
+                self.run_batch(plan, &Batch { first, count, yields }, &mut pool, visit, stats)?;
+            }
         }
         stats.light_paths += u64::from(plan.traced_paths());
         self.pool = pool;
@@ -254,6 +277,10 @@ impl LightTracer {
         visit: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
+        if batch.yields == Yield::BeamEvents {
+            stats.closest_rays += u64::from(batch.count);
+            stats.light_rays += u64::from(batch.count);
+        }
         match &mut self.device_loop {
             Some(device_loop) => device_loop.run(&mut self.subpaths, plan, batch, pool, visit, stats),
             None => self.subpaths.run_bounces(plan, batch, pool, visit, stats),
@@ -262,8 +289,14 @@ impl LightTracer {
 }
 
 impl Subpaths {
-    fn record_start(&mut self, constants: &Dispatch) -> Result<()> {
+    /// Records the kernels that write the first vertices of a batch. Events on beams also get their splats; the counter of the list
+    /// must hold their number.
+    fn record_start(&mut self, batch: &Batch, constants: &Dispatch) -> Result<()> {
         let groups = self.start.0.groups(constants.count as usize);
+        if let (Yield::BeamEvents, Some((kernel, bindings))) = (batch.yields, &self.beam_events) {
+            self.recorder.dispatch("beam_events", kernel, bindings, constants, groups)?;
+            return self.recorder.dispatch("light_splat", &self.splat.0, &self.splat.1, constants, groups);
+        }
         self.recorder.dispatch("light_start", &self.start.0, &self.start.1, constants, groups)
     }
 }

@@ -108,6 +108,7 @@ pub struct Plan {
     is_orthographic: bool,
     aims: usize,
     has_media: bool,
+    has_beams: bool,
     /// Travel time per length outside of solids.
     group_index: f64,
     /// Whether light is faster in a solid than outside of it.
@@ -189,6 +190,7 @@ impl Plan {
             is_orthographic: camera.projection.is_orthographic(),
             aims: prepared.aims.len(),
             has_media: !prepared.media.list.is_empty(),
+            has_beams: emitters.table.iter().any(|emitter| emitter.kind == EMITTER_BEAM),
             group_index: prepared.media.surrounding[1].into(),
             has_fast_solids: constants::has_fast_solids(scene, prepared.media.surrounding[1]),
             bvh_parts: if estimator.ellipsoids == Ellipsoids::Enumerated {

@@ -16,7 +16,7 @@ pub fn compile_all(device: &Device, plan: &Plan) -> Result<()> {
         return Ok(());
     }
     let constants = plan.constants();
-    let files = [SensorTracer::files(plan), LightTracer::files(device.info())].concat();
+    let files = [SensorTracer::files(plan), LightTracer::files(device.info(), plan)].concat();
     let mut entries: Vec<(&'static str, &str)> = files.into_iter().map(|file| (file, file)).collect();
     entries.extend(Compaction::ENTRIES.map(|entry| (Compaction::FILE, entry)));
     let compile = |(file, entry)| Kernel::new(device, file, entry, &constants).map(drop);

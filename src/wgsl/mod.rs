@@ -12,6 +12,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "light_start",
     "light_trace",
     "light_splat",
+    "beam_events",
     "light_mark",
     "light_keep",
     "list_samples",

@@ -7,7 +7,7 @@ use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::{Device, Drive};
 use taugate::internals::image::film::Film;
 use taugate::internals::render::{PreparedScene, Renderer, StrategyImage, StrategyImages, Tuning, probe};
-use taugate::internals::scene::Scene;
+use taugate::internals::scene::{Medium, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling, Settings, UseEllipsoids};
 
@@ -75,6 +75,10 @@ fn lights_without_area_are_the_same_bits_too() {
         assert_same(&build(Kind::Zoo(light)), &settings(Estimator::Bdpt, SIZE).build().unwrap(), &[Drive::CARD]);
     }
     assert_same(&build(Kind::Zoo(Light::Beam)), &settings(Estimator::Lcs, SIZE).build().unwrap(), &HALVES);
+    // In fog, events on the beam have kernels and splats of their own.
+    let fog = Medium { sigma_s: [0.1; 3], ..Medium::default() };
+    let foggy = Scene { media: vec![fog], ..build(Kind::Zoo(Light::Beam)) };
+    assert_same(&foggy, &settings(Estimator::Lcs, SIZE).build().unwrap(), &[Drive::CARD]);
 }
 
 #[test]

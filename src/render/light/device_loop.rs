@@ -140,7 +140,8 @@ impl DeviceLoop {
         visit: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        let rounds = if plan.traces_light { plan.max_depth } else { 1 };
+        let continues = plan.traces_light && batch.yields != Yield::BeamEvents;
+        let rounds = if continues { plan.max_depth } else { 1 };
         let (mut done, mut living) = (0, batch.count);
         while done < rounds && living > 0 {
             let until = rounds.min(done + self.rounds);
@@ -196,7 +197,7 @@ impl DeviceLoop {
             let (turn, list) = (&self.bound[now], indirect_over(&self.buffers.arguments, LIVING[now]));
             let constants = Dispatch { counter: LIVING[now], ..batch.constants() };
             if round == 0 {
-                subpaths.record_start(&constants)?;
+                subpaths.record_start(batch, &constants)?;
             } else {
                 let constants = Dispatch { bounce: round - 1, ..constants };
                 let (trace, splat, r) = (&subpaths.trace.0, &subpaths.splat.0, &mut subpaths.recorder);

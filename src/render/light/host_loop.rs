@@ -14,9 +14,15 @@ impl Subpaths {
         stats: &mut Stats,
     ) -> Result<()> {
         let constants = batch.constants();
-        self.record_start(&constants)?;
-        stats.submit(&mut self.recorder)?;
         let mut living: Vec<u32> = (0..batch.count).collect();
+        if batch.yields == Yield::BeamEvents {
+            self.buffers.counters.write(&[batch.count])?;
+        }
+        self.record_start(batch, &constants)?;
+        stats.submit(&mut self.recorder)?;
+        if batch.yields == Yield::BeamEvents {
+            return stats.timed(stage::READ_LIGHT, || self.report_splats(plan, &living, 2, visit))?.add_to(stats);
+        }
         stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
         if !plan.traces_light {
             return Ok(());

@@ -25,6 +25,7 @@ impl Plan {
             ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
+            ("DRAWS_ON_BEAMS", switch(self.draws_on_beams())),
             ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoids != Ellipsoids::None)),
             ("RESAMPLES_ELLIPSOIDS", switch(self.estimator.ellipsoids == Ellipsoids::Resampled)),
             ("GUIDES_FLIGHTS", switch(self.guides_flights())),
@@ -64,6 +65,12 @@ impl Plan {
     /// Whether events in media are drawn inside the gate, for connections to deterministic vertices.
     pub fn draws_in_gate(&self) -> bool {
         self.uses_gate_in_media() && self.max_deterministic <= DETERMINISTIC_SLOTS
+    }
+
+    /// Whether events on the lines of beams are drawn inside the gate, for connections to the sensor (t = 1). The travel time of
+    /// such a path bounds the position of its event only for a pinhole: the rays of an orthographic camera end anywhere on a plane.
+    pub fn draws_on_beams(&self) -> bool {
+        self.draws_in_gate() && self.splats && self.has_beams && !self.is_orthographic
     }
 
     /// Number of parts of the gate; a query kernel may choose a vertex for each part.

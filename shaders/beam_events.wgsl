@@ -1,0 +1,65 @@
+// Events on the lines of beams, for t = 1: light that a beam sends into fog, and that scatters once before it reaches the sensor. Each
+// light subpath of a beam gets one such event on its first segment. It is drawn from the positions from which light arrives at the
+// sensor inside the gate. light_splat.wgsl then connects it to the sensor.
+//
+// No other strategy forms these paths, because a beam cannot be connected. So their MIS weight is 1, and light_splat.wgsl leaves out the
+// events at which flights along beams end (PATH_LEAVES_CONNECTED).
+#import camera
+#import fog
+#import walk
+
+@group(2) @binding(0) var<storage, read_write> states: array<PathState>;
+@group(2) @binding(1) var<storage, read_write> vertices: array<PathVertex>;
+@group(2) @binding(2) var<storage, read_write> list: array<u32>;
+
+// One thread draws the event of one light subpath.
+@compute @workgroup_size(WORKGROUP)
+fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
+    let slot = id.x;
+    if (slot >= dispatch.count) {
+        return;
+    }
+    list[slot] = slot;
+    states[slot].flags = 0u;
+    vertices[slot].flags = 0u;
+
+    // The emitter and the point on it are those of light_start.wgsl.
+    let path = dispatch.first + slot;
+    let emitter = choose_emitter(random_words(STREAM_LIGHT, path, frame.iteration, 0u, 0u, frame.seed));
+    if (load_emitter(emitter).kind != EMITTER_BEAM) {
+        return;
+    }
+    let e = sample_emission(emitter, random4(STREAM_LIGHT, path, frame.iteration, 0u, 1u, frame.seed));
+    var s: PathState;
+    s.position = e.vertex.position;
+    s.direction = e.direction;
+    s.eta = SURROUNDING_GROUP_INDEX;
+    s.triangle = NONE;
+    s.throughput = e.throughput * (1.0 / f32(frame.light_paths));
+
+    // The start of the segment: `draw_in_gate` measures distances from here.
+    var start: PathVertex;
+    start.position = s.position;
+    start.to_previous = -s.direction;
+    start.flags = 1u;
+    start.owner = emitter;
+    // The sensor takes the place of the light vertex.
+    var sensor: PathVertex;
+    sensor.position = frame.sensor;
+
+    let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | 2u;
+    let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
+    var segment = advance(&s, true, false, key, vec3<f32>(0.0)).segment;
+    segment.length = 0.0;
+    start.eta = s.eta;
+    if (segment.limit <= 0.0) {
+        return;
+    }
+    let interval = gate_interval(start, segment, sensor);
+    if (!(interval.x < interval.y)) {
+        return;
+    }
+    var event = draw_in_gate(start, segment, sensor, flight_uniforms(key).xy);
+    event.flags |= VERTEX_VALID | (1u << VERTEX_RANDOM_SHIFT);
+    vertices[slot] = event;
+}
