@@ -174,7 +174,7 @@ fn rooms_with_droplets_and_tables_agree_with_the_oracle() {
 }
 
 /// A room in coloured fog, with a denser box of other fog around its middle. The denser box counts where the two overlap.
-pub fn foggy(lamps: Light) -> Scene {
+fn foggy(lamps: Light) -> Scene {
     let mut scene = zoo(lamps);
     let lobes = PhaseFunction::DoubleHenyeyGreenstein { g: [0.7, -0.3], weight: 0.8 };
     let thin = Medium { sigma_s: [0.1, 0.15, 0.2], sigma_a: [0.05, 0.0, 0.02], phase: lobes, ..Medium::default() };

@@ -93,9 +93,11 @@ fn textures_agree_with_the_oracle() {
     let mut pcg = Pcg::new(102);
     let mut inputs: Vec<[u32; 4]> = vec![[0.3f32.to_bits(), 0.4f32.to_bits(), NONE, 0]];
     for i in 0..60_000 {
-        let reach = [1.0, 3.0, 50.0][i % 3];
+        let texture = i % scene.textures.len();
+        let has_transform = scene.textures[texture].transform != DAffine2::IDENTITY;
+        let reach = if has_transform { 1.0 } else { [1.0, 3.0, 50.0][i / scene.textures.len() % 3] };
         let mut coordinate = || (pcg.range(-reach, reach) as f32).to_bits();
-        inputs.push([coordinate(), coordinate(), (i % scene.textures.len()) as u32, 0]);
+        inputs.push([coordinate(), coordinate(), texture as u32, 0]);
     }
     let results: Vec<[f32; 4]> = SAMPLE.run(&inputs, &buffers);
     let mut compared = 0;
@@ -139,10 +141,18 @@ fn wrapping_texels_and_srgb() {
     let mut pcg = Pcg::new(103);
     let inputs: Vec<[u32; 8]> = (0..20_000u32)
         .map(|k| {
-            let mut signed = |n: usize| (pcg.below(2 * n + 1) as i32 - n as i32) as u32;
-            let (i, x, y) = (signed(100), signed(20), signed(20));
+            // From -1 to 2 size; far outside of this range if the mode is to clamp.
+            let mut coordinate = |size: u32, mode: u32| match mode {
+                2 => (pcg.below(201) as i32 - 100) as u32,
+                _ => (pcg.below(2 * size as usize + 2) as i32 - 1) as u32,
+            };
+            let size = 1 + k / 3 % 9;
+            let texture = k % scene.textures.len() as u32;
+            let info = &geometry.textures[texture as usize];
+            let (x, y) = (coordinate(info.width, info.sampler & 3), coordinate(info.height, (info.sampler >> 2) & 3));
+            let i = coordinate(size, k % 3);
             let c = if k < 256 { k as f32 / 255.0 } else { pcg.uniform() as f32 };
-            [i, 1 + pcg.below(9) as u32, k % 3, c.to_bits(), x, y, pcg.below(scene.textures.len()) as u32, 0]
+            [i, size, k % 3, c.to_bits(), x, y, texture, 0]
         })
         .collect();
     let results: Vec<[u32; 8]> = PARTS.run(&inputs, &buffers);
