@@ -50,6 +50,17 @@ picture fog-gated "$work/cluttered-room.glb" "${fog[@]}" --gate 8m..8.6m
 sequence() { # FLAG...
     [ "$seconds" = 0 ] || "$taugate" render "$@"
 }
+# The laser and the cloud of GUIDE.
+if [ "$seconds" != 0 ]; then
+    "$taugate" render "$pictures/laser.toml" --gate-keys 0=4.6m..4.7m --gate-keys 2=5.8m..5.9m --frames 0..3 --time "${seconds}s" \
+        -o "$work/laser.#.exr" --contact-sheet "$pictures/laser.png"
+    "$python" "$root/examples/cloud.py" "$work/cloud.npy"
+    cloud=("$root/scenes/cornell-box.glb" --density-grid "$work/cloud.npy" --medium-bounds=-0.9,1,-0.9,0.9,1.7,0.9 --sigma-s 8
+        --phase-g 0.7 --resolution 240x240 --time "${seconds}s")
+    "$taugate" render "${cloud[@]}" -o "$work/cloud-steady.exr" --png "$pictures/cloud-steady.png"
+    "$taugate" render "${cloud[@]}" --gate 6m..6.3m -o "$work/cloud-gated.exr" --png "$pictures/cloud-gated.png"
+fi
+
 sequence "$root/scenes/cornell-box.glb" --gate-keys 0=4.4m..4.9m --gate-keys 7=7.9m..8.4m --frames 0..8 --spp 128 \
     --resolution 200x200 -o "$work/transient.#.exr" --contact-sheet "$pictures/transient.png"
 if [ "$seconds" != 0 ]; then
