@@ -4,7 +4,7 @@
 #     cargo build --release
 #     docs/pictures/make.sh [SECONDS [RACE_SECONDS]]
 #
-# SECONDS (default 600) is the rendering time of each of the eight images; 0 leaves the images as they are. The estimator is lcs with
+# SECONDS (default 600) is the rendering time of each image; 0 leaves the images as they are. The estimator is lcs with
 # a gate and in fog, otherwise bdpt. RACE_SECONDS (default 30) is the rendering time of each estimator in the row of crops. The
 # reference of the row takes 40 times as long, and 160 times at most.
 #
@@ -55,10 +55,10 @@ if [ "$seconds" != 0 ]; then
     "$taugate" render "$pictures/laser.toml" --gate-keys 0=4.6m..4.7m --gate-keys 2=5.8m..5.9m --frames 0..3 --time "${seconds}s" \
         -o "$work/laser.#.exr" --contact-sheet "$pictures/laser.png"
     "$python" "$root/examples/cloud.py" "$work/cloud.npy"
-    cloud=("$root/scenes/cornell-box.glb" --density-grid "$work/cloud.npy" --medium-bounds=-0.9,1,-0.9,0.9,1.7,0.9 --sigma-s 8
-        --phase-g 0.7 --resolution 240x240 --time "${seconds}s")
+    cloud=("$root/scenes/cornell-box.glb" --density-grid "$work/cloud.npy" --medium-bounds=-0.8,0.8,-0.6,0.8,1.7,0.6 --sigma-s 20
+        --phase-g 0.5 --resolution 240x240 --time "${seconds}s")
     "$taugate" render "${cloud[@]}" -o "$work/cloud-steady.exr" --png "$pictures/cloud-steady.png"
-    "$taugate" render "${cloud[@]}" --gate 6m..6.3m -o "$work/cloud-gated.exr" --png "$pictures/cloud-gated.png"
+    "$taugate" render "${cloud[@]}" --gate 4.4m..4.9m -o "$work/cloud-gated.exr" --png "$pictures/cloud-gated.png"
 fi
 
 sequence "$root/scenes/cornell-box.glb" --gate-keys 0=4.4m..4.9m --gate-keys 7=7.9m..8.4m --frames 0..8 --spp 128 \
