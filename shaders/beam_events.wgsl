@@ -2,8 +2,8 @@
 // light subpath of a beam gets one such event on its first segment. It is drawn from the positions from which light arrives at the
 // sensor inside the gate. light_splat.wgsl then connects it to the sensor.
 //
-// No other strategy forms these paths, because a beam cannot be connected. So their MIS weight is 1, and light_splat.wgsl leaves out the
-// events at which flights along beams end (PATH_LEAVES_CONNECTED).
+// Flights along the beam end in such events as well, and follow density grids. Each of the two kinds of events counts for its share
+// (`flight_share`). No other strategy forms these paths, because a beam cannot be connected.
 #import camera
 #import fog
 #import walk
@@ -23,7 +23,7 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
     states[slot].flags = 0u;
     vertices[slot].flags = 0u;
 
-    // The emitter and the point on it are those of light_start.wgsl.
+    // Emitter and point as in light_start.wgsl; nothing depends on equal choices.
     let path = dispatch.first + slot;
     let emitter = choose_emitter(random_words(STREAM_LIGHT, path, frame.iteration, 0u, 0u, frame.seed));
     if (load_emitter(emitter).kind != EMITTER_BEAM) {
@@ -37,16 +37,12 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
     s.triangle = NONE;
     s.throughput = e.throughput * (1.0 / f32(frame.light_paths));
 
-    // The start of the segment: `draw_in_gate` measures distances from here.
+    // The start of the segment: `draw_in_gate` measures distances from here. With depth 1, the MIS sums of the event are 0.
     var start: PathVertex;
     start.position = s.position;
     start.to_previous = -s.direction;
     start.flags = 1u;
     start.owner = emitter;
-    // The sensor takes the place of the light vertex.
-    var sensor: PathVertex;
-    sensor.position = frame.sensor;
-
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | 2u;
     let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
     var segment = advance(&s, true, false, key, vec3<f32>(0.0)).segment;
@@ -55,11 +51,17 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
     if (segment.limit <= 0.0) {
         return;
     }
+    let sensor = sensor_vertex();
     let interval = gate_interval(start, segment, sensor);
     if (!(interval.x < interval.y)) {
         return;
     }
     var event = draw_in_gate(start, segment, sensor, flight_uniforms(key).xy);
+    if (max_component(event.throughput) <= 0.0) {
+        return;
+    }
+    segment.length = distance(event.position, start.position);
+    event.throughput *= 1.0 - flight_share(event, segment, sensor);
     event.flags |= VERTEX_VALID | (1u << VERTEX_RANDOM_SHIFT);
     vertices[slot] = event;
 }

@@ -24,8 +24,10 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     splats[slot] = vec4<u32>(vec3<u32>(0u), NONE);
     let pixel = pixel_of(v.position - frame.sensor);
     // If an event is the only vertex between a deterministic vertex and the sensor, only sensor subpaths form the path
-    // (shared/fog.wgsl). If it is the only one between a beam and the sensor, beam_events.wgsl draws it in the gate.
-    if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE || follows_connected(v)) {
+    // (shared/fog.wgsl), and `kept` is 0. If it is the only one between a beam and the sensor, beam_events.wgsl draws
+    // such events too, and each of the two kinds counts for its share.
+    let kept = select(1.0, v.normal.x, follows_connected(v));
+    if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE || kept == 0.0) {
         return;
     }
     let to_sensor = segment_to_sensor(v.position);
@@ -45,7 +47,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     // The only copy of a deterministic vertex carries the whole power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
     let depths = segment_depths(v, w, d);
-    var value = v.throughput * c.value * transmitted(depths) * (counted * share * density / spread);
+    var value = v.throughput * c.value * transmitted(depths) * (counted * share * density / spread * kept);
     // A value that is not a number passes this test, because the host counts such values.
     if (max_component(value) <= 0.0) {
         return;

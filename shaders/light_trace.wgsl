@@ -1,6 +1,7 @@
 // Traces one segment of every living light subpath: finds the next surface, stores the vertex, samples the next direction.
 #import walk
 #import camera
+#import fog
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 // The vertex that each path has just reached. VERTEX_VALID is set if the vertex can be connected.
@@ -55,6 +56,9 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     v.flags |= random << VERTEX_RANDOM_SHIFT;
     if (DRAWS_IN_GATE && is_in_medium(v) && (s.flags & PATH_LEAVES_CONNECTED) != 0u) {
         v.flags |= VERTEX_FOLLOWS_CONNECTED;
+        if (DRAWS_ON_BEAMS && load_emitter(s.emitter).kind == EMITTER_BEAM && dispatch.bounce == 0u) {
+            v.normal.x = flight_share(v, arrival.segment, sensor_vertex());
+        }
     }
     // A deterministic vertex is the same in all subpaths, so it is stored only once: by the subpath whose emitter the host chose.
     let is_deterministic_vertex = (v.flags & VERTEX_DETERMINISTIC) != 0u;

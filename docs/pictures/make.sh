@@ -47,9 +47,6 @@ fog=(--headlamp 20 --headlamp-offset 0.3,0.2,0 --emitters headlamp --visibility 
 picture fog-steady "$work/cluttered-room.glb" "${fog[@]}" --estimator lcs
 picture fog-gated "$work/cluttered-room.glb" "${fog[@]}" --gate 8m..8.6m
 
-sequence() { # FLAG...
-    [ "$seconds" = 0 ] || "$taugate" render "$@"
-}
 # The laser and the cloud of GUIDE.
 if [ "$seconds" != 0 ]; then
     "$taugate" render "$pictures/laser.toml" --gate-keys 0=4.6m..4.7m --gate-keys 2=5.8m..5.9m --frames 0..3 --time "${seconds}s" \
@@ -61,6 +58,9 @@ if [ "$seconds" != 0 ]; then
     "$taugate" render "${cloud[@]}" --gate 4.4m..4.9m -o "$work/cloud-gated.exr" --png "$pictures/cloud-gated.png"
 fi
 
+sequence() { # FLAG...
+    [ "$seconds" = 0 ] || "$taugate" render "$@"
+}
 sequence "$root/scenes/cornell-box.glb" --gate-keys 0=4.4m..4.9m --gate-keys 7=7.9m..8.4m --frames 0..8 --spp 128 \
     --resolution 200x200 -o "$work/transient.#.exr" --contact-sheet "$pictures/transient.png"
 if [ "$seconds" != 0 ]; then

@@ -4,6 +4,8 @@
 //
 // Let x be the start of the segment, w its direction, and D the vector from x to the light vertex. The path over the event at x + s w
 // has the length s + |s w - D|, which grows with s. So the gate corresponds to one interval of the segment.
+//
+// beam_events.wgsl draws events on beams in the same way. There, the pinhole takes the place of the light vertex.
 #import guided_flight
 #import partial_sums
 #import segment
@@ -39,36 +41,63 @@ fn can_draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex) -> bool {
     return interval.x < interval.y && is_drawn_in_gate(v) && (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u <= frame.max_depth;
 }
 
-// Draws an event in the `gate_interval`. Its throughput is divided by the density of its position. This density is the mean of
-// two: equiangular as seen from v (Kulla and Fajardo 2012), and exponential. The throughput is 0 outside of media.
-fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>) -> PathVertex {
+// The distribution of events in a `gate_interval`. Distances are relative to the point of the ray that is nearest to v.
+struct GateDistribution {
+    // Distance from the start of the segment to that point.
+    along: f32,
+    // Ends of the interval.
+    a: f32,
+    b: f32,
+    // Distance from v to the ray, with a lower limit. Equiangular events lie about as far from v.
+    height: f32,
+    // Angle under which v sees the interval.
+    angle: f32,
+    // Exponential events: their rate per length, and the integral of the rate over the interval.
+    rate: f32,
+    reached: f32,
+}
+
+// The distribution on the segment before q, whose `gate_interval` must not be empty.
+fn gate_distribution(q: PathVertex, segment: FogSegment, v: PathVertex) -> GateDistribution {
     let interval = gate_interval(q, segment, v);
     let w = -q.to_previous;
     let x = segment_start(q, segment);
-
-    // Distances relative to the point of the ray that is nearest to v.
     let along = dot(w, v.position - x);
     let a = interval.x - along;
     let b = interval.y - along;
-    // Distance from v to the ray. Equiangular events lie about as far from v. The lower limit keeps the squares of these distances from
-    // underflowing, for example if v is at the start of the segment.
+    // The lower limit keeps the squares of distances from underflowing, for example if v is at the start of the segment.
     let height = max(length(v.position - x - along * w), max(1e-6 * max(abs(along), interval.x), 1e-8));
     let angle = angle_of(vec2<f32>(height * height + a * b, height * (b - a)));
     let rate = max(mean_extinction(stretch_at(x, w, interval.x).medium), 1e-3 / (b - a));
     let reached = one_minus_exp(vec3<f32>(rate * (b - a))).x;
+    return GateDistribution(along, a, b, height, angle, rate, reached);
+}
+
+// Density per length of an event at `offset`: the mean of two densities, equiangular as seen from v (Kulla and Fajardo 2012), and
+// exponential.
+fn gate_density(g: GateDistribution, offset: f32) -> f32 {
+    let equiangular = g.height / (g.angle * (g.height * g.height + offset * offset));
+    let exponential = g.rate * exp(-g.rate * (offset - g.a)) / g.reached;
+    return 0.5 * (equiangular + exponential);
+}
+
+// Draws an event in the `gate_interval`. Its throughput is divided by the `gate_density` of its position. The throughput is 0 outside
+// of media.
+fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>) -> PathVertex {
+    let g = gate_distribution(q, segment, v);
+    let w = -q.to_previous;
+    let x = segment_start(q, segment);
     var offset = 0.0;
     if (u.x < 0.5) {
-        let turn = cosine_and_sine(angle * u.y);
-        offset = height * (a * turn.x + height * turn.y) / (height * turn.x - a * turn.y);
+        let turn = cosine_and_sine(g.angle * u.y);
+        offset = g.height * (g.a * turn.x + g.height * turn.y) / (g.height * turn.x - g.a * turn.y);
     } else {
-        offset = a + minus_log_rest(u.y * reached) / rate;
+        offset = g.a + minus_log_rest(u.y * g.reached) / g.rate;
     }
-    offset = clamp(offset, a, b);
-    let equiangular = height / (angle * (height * height + offset * offset));
-    let exponential = rate * exp(-rate * (offset - a)) / reached;
-    let density = 0.5 * (equiangular + exponential);
+    offset = clamp(offset, g.a, g.b);
+    let density = gate_density(g, offset);
 
-    let s = along + offset;
+    let s = g.along + offset;
     var event: PathVertex;
     event.position = x + s * w;
     event.tau = q.tau + q.eta * (s - segment.length);
@@ -92,4 +121,27 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     let sigma_s = load_medium(stretch.medium).sigma_s * medium_density(stretch.medium, event.position);
     event.throughput = segment.throughput * transmitted(depths) * sigma_s / density;
     return event;
+}
+
+// The share for which the splat of v counts, if a flight along a beam has ended in the event v. If beam_events.wgsl has drawn v, its splat
+// counts for the rest. The shares follow the power heuristic (Eq. 27, beta = 2). `segment`: the segment of the beam up to v. `sensor`:
+// see `sensor_vertex`.
+fn flight_share(v: PathVertex, segment: FogSegment, sensor: PathVertex) -> f32 {
+    let interval = gate_interval(v, segment, sensor);
+    if (!(interval.x < interval.y && segment.length >= interval.x && segment.length <= interval.y)) {
+        return 1.0;
+    }
+    let g = gate_distribution(v, segment, sensor);
+    let drawn = mis(gate_density(g, segment.length - g.along));
+    let shares = segment.throughput / max(segment.throughput.x + segment.throughput.y + segment.throughput.z, 1e-37);
+    let depths = optical_depths(segment_start(v, segment), -v.to_previous, segment.length);
+    let flown = mis(event_density(v.material, v.position, shares, depths.scattering));
+    return flown / max(flown + drawn, 1e-37);
+}
+
+// The pinhole in the place of a light vertex, for events that are drawn on the segment of a beam.
+fn sensor_vertex() -> PathVertex {
+    var sensor: PathVertex;
+    sensor.position = frame.sensor;
+    return sensor;
 }

@@ -151,7 +151,7 @@ override HAS_NULL_BOUNDARIES: bool = true;
 override HAS_GRIDS: bool = true;
 // Whether the events in a medium that are connected to deterministic vertices are drawn inside the gate (shared/fog.wgsl).
 override DRAWS_IN_GATE: bool = true;
-// Whether the events on the lines of beams that are connected to the sensor are drawn inside the gate (beam_events.wgsl). Needs
+// Whether events on the lines of beams are also drawn inside the gate, for connections to the sensor (beam_events.wgsl). Needs
 // DRAWS_IN_GATE.
 override DRAWS_ON_BEAMS: bool = true;
 // Whether the estimator forms ellipsoidal connections (ellipsoidal_connection.wgsl). Vertices then also store data for their MIS weights.

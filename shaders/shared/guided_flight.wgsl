@@ -82,7 +82,7 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     let sigma_s = load_medium(f.medium).sigma_s;
     let depths = optical_depths(o, d, f.distance);
     f.depth = depths.scattering;
-    let density = dot(shares, sigma_s * exp(-depths.scattering)) * medium_density(f.medium, o + f.distance * d);
+    let density = event_density(f.medium, o + f.distance * d, shares, depths.scattering);
     let is_inside = f.distance >= first && f.distance <= first + width;
     let guided = select(0.0, share / (width * max(density, 1e-37)), is_inside && share > 0.0);
     f.weight = normalised(depths.scattering, sigma_s, shares) * exp(-depths.absorption)

@@ -205,6 +205,12 @@ fn normalised(depth: vec3<f32>, event: vec3<f32>, shares: vec3<f32>) -> vec3<f32
     return x / max(dot(shares, x), 1e-37);
 }
 
+// Density per length with which a `free_flight` of a light subpath ends in an event at p, in the medium `index`. `shares`: weights of the
+// channels. `depth`: optical depth of scattering from the start of the flight to p.
+fn event_density(index: u32, p: vec3<f32>, shares: vec3<f32>, depth: vec3<f32>) -> f32 {
+    return dot(shares, load_medium(index).sigma_s * exp(-depth)) * medium_density(index, p);
+}
+
 // A flight to the next scattering event, or to the end of the ray.
 struct Flight {
     scattered: bool,

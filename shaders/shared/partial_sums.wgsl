@@ -7,8 +7,8 @@ const MAX_SUM: f32 = 1e30;
 
 // Whether v is the first event of a light subpath after a deterministic vertex. Sensor subpaths form the same event: they draw its
 // position in the gate, and connect it to the deterministic vertex. So the event can be formed from both ends of a path. With
-// DRAWS_ON_BEAMS, also whether v is the first event after a point on a beam. The sums of such a v are 0, so its MIS weights do not
-// depend on this.
+// DRAWS_ON_BEAMS, also whether v is the first event after a point on a beam (beam_events.wgsl). The sums of such a v are 0, so its
+// connections do not depend on this.
 fn follows_connected(v: PathVertex) -> bool {
     return DRAWS_IN_GATE && (v.flags & VERTEX_FOLLOWS_CONNECTED) != 0u;
 }

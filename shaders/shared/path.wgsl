@@ -51,7 +51,8 @@ struct PathVertex {
     throughput: vec3<f32>,
     // Index into `materials`; with VERTEX_IN_MEDIUM, into `media`. Vertices with VERTEX_EMITTER keep their EMIT_ profile here.
     material: u32,
-    // Unit shading normal, on the side of `geometric`.
+    // Unit shading normal, on the side of `geometric`. Light vertices with VERTEX_FOLLOWS_CONNECTED, x: the share for which their splat
+    // counts.
     normal: vec3<f32>,
     d_vcm: f32,
     // Unit geometric normal, on the side of `to_previous`.

@@ -132,7 +132,8 @@ fn load_node(m: Medium, index: u32) -> vec3<f32> {
     return bitcast<vec3<f32>>(textureLoad(phase_tables, m.table + index, 0).xyz);
 }
 
-// Number of the last node of m's table at which the component is at most x, the final node excepted.
+// Number of the node of m's table where the interval with x begins: the component is at most x at this node, and above x at the next.
+// If x lies outside the table, the first or the last interval counts.
 fn table_interval(m: Medium, component: u32, x: f32) -> u32 {
     var below = 0u;
     var above = m.table_size - 1u;

@@ -4,7 +4,7 @@
 struct PointProperties {
     base: vec3<f32>,
     metallic: f32,
-    // GGX alpha; 0 if the lobe is a delta.
+    // GGX alpha. `unpack_point` returns 0 if the lobe is a delta.
     alpha: f32,
     coats: CoatFactors,
     // Texel that multiplies the transmission.

@@ -66,8 +66,8 @@ fn sample_encoded(index: u32, coordinates: vec2<f32>, encoding: u32) -> vec4<f32
     if (HAS_TEXTURE_TRANSFORMS && (info.sampler >> TEXTURE_TRANSFORM_SHIFT) != 0u) {
         uv = transform_uv(info.sampler >> TEXTURE_TRANSFORM_SHIFT, uv);
     }
-    // Coordinates are reduced to one period of the mirror mode, so that the integer texel index cannot overflow. With
-    // clamp, [-1, 2] is enough.
+    // Repeat and mirror: reduced to one period of mirror, [0, 2], because `wrap_texel` needs indices in [-1, 2 size]. 2 occurs: tiny
+    // negative coordinates round to it. Clamp: [-1, 2] is enough.
     let bounded = select(uv - 2.0 * floor(0.5 * uv), clamp(uv, vec2<f32>(-1.0), vec2<f32>(2.0)),
         vec2<bool>((info.sampler & 3u) == 2u, ((info.sampler >> 2u) & 3u) == 2u));
     let p = bounded * vec2<f32>(f32(info.width), f32(info.height));

@@ -9,7 +9,7 @@ use taugate::internals::tev::{Snapshot, TevStream};
 
 use super::progress::Progress;
 
-/// Maximum number of gates that are shown, as in an image file.
+/// Maximum number of responses that are shown. An image file has all responses.
 const MAX_RESPONSES: usize = 64;
 /// Maximum time that the program waits for tev after the files of a render are written.
 const PATIENCE: Duration = Duration::from_secs(5);

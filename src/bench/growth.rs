@@ -61,7 +61,8 @@ pub fn write(path: &Path, growths: &[Growth]) -> Result<()> {
     write_atomically(path, |out| {
         writeln!(out, "sweep,variant,steps,from,to,us_per_sample_from,us_per_sample_to,exponent,standard_error")?;
         for Growth { sweep, variant, steps, power_law } in growths {
-            let ((first, last), number) = (ends(steps), |x: Option<f64>| x.map_or("NaN".into(), |x| format!("{x:.4}")));
+            let ((first, last), number) =
+                (first_and_last(steps), |x: Option<f64>| x.map_or("NaN".into(), |x| format!("{x:.4}")));
             let (exponent, error) =
                 (number(power_law.map(|law| law.exponent)), number(power_law.and_then(|law| law.error)));
             writeln!(
@@ -85,7 +86,7 @@ fn short(x: f64) -> f64 {
 }
 
 /// The steps with the smallest and the largest x.
-fn ends(steps: &[Step]) -> (&Step, &Step) {
+fn first_and_last(steps: &[Step]) -> (&Step, &Step) {
     (steps.first().expect("a growth has a step"), steps.last().expect("a growth has a step"))
 }
 
@@ -101,7 +102,7 @@ pub fn section(growths: &[Growth]) -> String {
          | sweep | variant | steps | from | to | us per sample, from | to | exponent |\n|---|---|---|---|---|---|---|---|\n",
     );
     for Growth { sweep, variant, steps, power_law } in growths {
-        let (first, last) = ends(steps);
+        let (first, last) = first_and_last(steps);
         let exponent = power_law.map_or("-".into(), |law| {
             let error = law.error.map_or(String::new(), |error| format!(" +- {error:.3}"));
             format!("{:.3}{error}", law.exponent)

@@ -16,8 +16,8 @@ const ITERATIONS: u32 = 4;
 /// The travel time (metres of optical path) at which the first light arrives in each pixel of the crop, row by row; 0 where no
 /// light was found. Light from suns, from the sky, or straight from an emitter in view does not count. The result is the
 /// minimum over 16 samples per pixel and all strategies except t = 1, for which the device does not report the pixel. So it is an
-/// upper bound. In scenes without fog, it is exact where a point light or the spot of a beam lights the first surface, and elsewhere
-/// late by up to the size of the lamp or of the scattering surface.
+/// upper bound. In scenes without fog, it is exact where a point light or the spot of a beam lights the first surface. Elsewhere it
+/// may be late by the size of the lamp, or by more where only scattered light arrives.
 pub fn first_arrivals(
     device: &Device,
     scene: &Scene,

@@ -77,15 +77,15 @@ impl Tally {
     }
 }
 
-/// What a batch of light paths yields.
+/// The kind of a batch of light paths.
 #[derive(Clone, Copy, PartialEq)]
-enum Yield {
-    /// The vertices of paths, each of which samples its emitter.
-    Paths,
-    /// The deterministic vertices of thin beams. The first path starts from the emitter with this index; each further path starts from
-    /// the next one.
-    Spots(u32),
-    /// One event per path, on the line of the beam that the path starts with (`beam_events.wgsl`).
+enum BatchKind {
+    /// Each path samples its emitter.
+    Subpaths,
+    /// The paths yield the deterministic vertices of thin beams. The first path starts from the emitter with this index; each further
+    /// path starts from the next one.
+    BeamSpots(u32),
+    /// Each path yields one event on the line of the beam that it starts with (`beam_events.wgsl`).
     BeamEvents,
 }
 
@@ -93,24 +93,24 @@ enum Yield {
 struct Batch {
     first: u32,
     count: u32,
-    yields: Yield,
+    kind: BatchKind,
 }
 
 impl Batch {
     /// The constants that all dispatches of the batch share. The list of its paths has counter 0.
     fn constants(&self) -> Dispatch {
-        let &Batch { first, count, yields } = self;
-        let emitter = if let Yield::Spots(emitter) = yields { emitter } else { NONE };
+        let &Batch { first, count, kind } = self;
+        let emitter = if let BatchKind::BeamSpots(emitter) = kind { emitter } else { NONE };
         let none = Dispatch { list_a: NONE, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
         Dispatch { first, count, emitter, counter: 0, ..none }
     }
 
     /// Whether the pool stores the vertices of the path in `slot` for connections. Otherwise they serve t = 1 only.
     fn is_stored(&self, plan: &Plan, slot: u32) -> bool {
-        match self.yields {
-            Yield::Paths => self.first + slot < plan.light_paths,
-            Yield::Spots(_) => true,
-            Yield::BeamEvents => false,
+        match self.kind {
+            BatchKind::Subpaths => self.first + slot < plan.light_paths,
+            BatchKind::BeamSpots(_) => true,
+            BatchKind::BeamEvents => false,
         }
     }
 }
@@ -254,14 +254,14 @@ impl LightTracer {
         let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
             let batch =
-                Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), yields: Yield::Spots(emitter) };
+                Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), kind: BatchKind::BeamSpots(emitter) };
             self.run_batch(plan, &batch, &mut pool, visit, stats)?;
         }
-        let on_beams = plan.draws_on_beams().then_some(Yield::BeamEvents);
-        for yields in [Yield::Paths].into_iter().chain(on_beams) {
+        let on_beams = plan.draws_on_beams().then_some(BatchKind::BeamEvents);
+        for kind in [BatchKind::Subpaths].into_iter().chain(on_beams) {
             for first in (0..plan.traced_paths()).step_by(BATCH) {
                 let count = (plan.traced_paths() - first).min(BATCH as u32);
-                self.run_batch(plan, &Batch { first, count, yields }, &mut pool, visit, stats)?;
+                self.run_batch(plan, &Batch { first, count, kind }, &mut pool, visit, stats)?;
             }
         }
         stats.light_paths += u64::from(plan.traced_paths());
@@ -277,9 +277,11 @@ impl LightTracer {
         visit: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        if batch.yields == Yield::BeamEvents {
-            stats.closest_rays += u64::from(batch.count);
-            stats.light_rays += u64::from(batch.count);
+        if batch.kind == BatchKind::BeamEvents {
+            // Paths from other emitters trace no ray.
+            let rays = (f64::from(batch.count) * plan.beam_share).round() as u64;
+            stats.closest_rays += rays;
+            stats.light_rays += rays;
         }
         match &mut self.device_loop {
             Some(device_loop) => device_loop.run(&mut self.subpaths, plan, batch, pool, visit, stats),
@@ -293,7 +295,8 @@ impl Subpaths {
     /// must hold their number.
     fn record_start(&mut self, batch: &Batch, constants: &Dispatch) -> Result<()> {
         let groups = self.start.0.groups(constants.count as usize);
-        if let (Yield::BeamEvents, Some((kernel, bindings))) = (batch.yields, &self.beam_events) {
+        if batch.kind == BatchKind::BeamEvents {
+            let (kernel, bindings) = self.beam_events.as_ref().expect("the plan draws events on beams");
             self.recorder.dispatch("beam_events", kernel, bindings, constants, groups)?;
             return self.recorder.dispatch("light_splat", &self.splat.0, &self.splat.1, constants, groups);
         }

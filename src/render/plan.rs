@@ -108,7 +108,8 @@ pub struct Plan {
     is_orthographic: bool,
     aims: usize,
     has_media: bool,
-    has_beams: bool,
+    /// Share of the light subpaths that start from beams.
+    pub beam_share: f64,
     /// Travel time per length outside of solids.
     group_index: f64,
     /// Whether light is faster in a solid than outside of it.
@@ -190,7 +191,7 @@ impl Plan {
             is_orthographic: camera.projection.is_orthographic(),
             aims: prepared.aims.len(),
             has_media: !prepared.media.list.is_empty(),
-            has_beams: emitters.table.iter().any(|emitter| emitter.kind == EMITTER_BEAM),
+            beam_share: emitters.beam_share(),
             group_index: prepared.media.surrounding[1].into(),
             has_fast_solids: constants::has_fast_solids(scene, prepared.media.surrounding[1]),
             bvh_parts: if estimator.ellipsoids == Ellipsoids::Enumerated {

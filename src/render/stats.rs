@@ -50,7 +50,7 @@ pub struct Stats {
     /// Sensor subpaths.
     pub samples: u64,
     pub light_paths: u64,
-    /// Stored light vertices of three kinds: emitter points, scattered vertices, deterministic vertices.
+    /// Stored light vertices of three kinds: points on emissive surfaces, scattered vertices, deterministic vertices.
     pub emitter_vertices: u64,
     pub scattered_vertices: u64,
     pub deterministic_vertices: u64,

@@ -128,7 +128,7 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     let mut warnings = Warnings::default();
     let mut doc = Document::open(bytes, folders)?;
     extension::check(&doc, &mut warnings)?;
-    if let Some(mesh) = doc.morphs_colors {
+    if let Some(mesh) = doc.first_mesh_morphing_colors {
         let name = label(doc.root.meshes.get(mesh).and_then(|mesh| mesh.name.as_deref()), "mesh", mesh);
         warnings.push(format!("morph targets move no colours and no texture coordinates (first: mesh `{name}`)"));
     }

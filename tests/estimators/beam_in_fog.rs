@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3};
 use taugate::internals::generate::stage::light;
 use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::oracle::phase::Phase;
-use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene};
+use taugate::internals::scene::{Camera, DensityGrid, GridFilter, LightKind, Medium, PhaseFunction, Projection, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
@@ -90,5 +90,25 @@ fn light_that_scatters_once_on_a_beam_is_nearly_free_of_noise() {
                 assert!(error < 3e-3 * expected && differs(wrong), "{gate:?}: {found} +- {error}");
             }
         }
+    }
+}
+
+/// A small cloud in a large grid. `bdpt` has flights along the beam alone, which follow the density of the grid. The events that `lcs`
+/// also draws in the gate change no mean, and no render becomes noisier.
+#[test]
+fn a_beam_on_a_grid_has_the_light_of_flights() {
+    let mut density = vec![0.0; 12];
+    density[4] = 1.0;
+    let bounds = [DVec3::new(-3.0, -3.0, -8.0), DVec3::new(9.0, 5.0, -1.0)];
+    let resolution = [12, 1, 1];
+    let grid = DensityGrid { resolution, density, bounds, transform: DAffine3::IDENTITY, filter: GridFilter::Nearest };
+    let mut scene = scene();
+    scene.media = vec![Medium { sigma_s: [0.5, 1.0, 2.0], phase: PHASE, grid: Some(grid), ..Medium::default() }];
+    for gate in [Gate { lo: 9.0, hi: 9.2 }, Gate::OPEN] {
+        let [(found, error), (expected, expected_error)] =
+            [Estimator::Lcs, Estimator::Bdpt].map(|estimator| fluence(&scene, estimator, gate));
+        eprintln!("{gate:?}: {found:.4e} +- {error:.1e}, bdpt {expected:.4e} +- {expected_error:.1e}");
+        assert!((found - expected).abs() < threshold(2) * error.hypot(expected_error), "{gate:?}: {found}, {expected}");
+        assert!(error < 1.5 * expected_error && expected_error < 0.1 * expected, "{gate:?}: {error}, {expected_error}");
     }
 }

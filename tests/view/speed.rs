@@ -28,12 +28,13 @@ async fn median(page: &Page, action: impl Fn(usize) -> String) -> f64 {
     times[2]
 }
 
-/// Prints the times until the first new picture. Returns the medians after a change of the gate and of the camera in ms.
+/// Prints the times until the first new picture. Returns the medians after a change of the gate and of the camera in ms; `None`
+/// without a browser.
 fn answers(scene: &'static str, gate: [f64; 2]) -> Option<[f64; 2]> {
     let flag = format!("{}m..{}m", gate[0], gate[1]);
     let program = Program::of(scene, [512; 2], &["--gate", &flag]);
     let (sender, receiver) = std::sync::mpsc::channel();
-    let is_there = visit(&program.url.clone(), async move |page| {
+    let has_browser = visit(&program.url.clone(), async move |page| {
         page.until("document.getElementById('picture').dataset.size === '512x512'").await;
         // The first load compiled the kernels and prepared the scene, so the time of this second load excludes both.
         page.browser.refresh().await.unwrap();
@@ -58,7 +59,7 @@ fn answers(scene: &'static str, gate: [f64; 2]) -> Option<[f64; 2]> {
         );
         sender.send([moved, turned]).unwrap();
     });
-    is_there.then(|| receiver.recv().unwrap())
+    has_browser.then(|| receiver.recv().unwrap())
 }
 
 #[test]

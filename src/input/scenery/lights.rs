@@ -43,13 +43,13 @@ pub(super) fn apply(
     }
 
     add_sky(&experiment.emitter, scene)?;
-    name_distant_apart(scene);
+    make_distant_names_distinct(scene);
 
     let table = &mut experiment.emitter;
     let wanted = table.headlamp.is_some() || table.headlamp_offset.is_some();
     let has_lamp = has_lamp(scene, is_steady(&experiment.gate));
     if !wanted && (has_lamp || has_bright_surface(scene)) {
-        // A scene without a camera is probably a model whose surfaces are not meant to light it.
+        // A note so far says that the scene has no camera. Such a scene is probably a model whose surfaces are not meant to light it.
         if !has_lamp && !notes.is_empty() {
             notes.push("the only light comes from surfaces that emit; if the picture is dark, add --headlamp".into());
         }
@@ -98,9 +98,9 @@ fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
     Ok(())
 }
 
-/// Numbers suns and skies that have the name of another emitter, as in `lamp#2`. A gated render leaves suns and skies out by name,
-/// and must keep the other emitter.
-fn name_distant_apart(scene: &mut Scene) {
+/// Adds a number to the name of a sun or a sky if another emitter has the same name, as in `lamp#2`. A gated render leaves suns and
+/// skies out by name, and must keep the other emitter.
+fn make_distant_names_distinct(scene: &mut Scene) {
     let Scene { lights, instances, .. } = &*scene;
     if !lights.iter().any(|light| light.kind.is_distant()) {
         return;
@@ -143,9 +143,9 @@ fn emission(scene: &Scene, instance: &Instance) -> [f32; 3] {
     scene.materials[scene.meshes[instance.mesh as usize].material as usize].emission
 }
 
-/// Automatic radiant intensity in W / sr of a headlamp at `position`: pi d^2, where d is the distance to the scene's centre. A
-/// white surface that faces the lamp at this distance has radiance 1. The value is rounded to three digits, so that it is easy to
-/// repeat.
+/// Automatic radiant intensity in W / sr of a headlamp at `position`: pi d^2, where d is the distance to the scene's centre, but at
+/// least [`MIN_DISTANCE`] times the scene's diagonal. A white surface that faces the lamp at distance d has radiance 1. The value is
+/// rounded to three digits, so that it is easy to repeat.
 fn automatic_intensity(scene: &Scene, position: DVec3) -> f64 {
     let distance = position.distance(centre(scene)).max(MIN_DISTANCE * scene.diagonal());
     let intensity = PI * distance * distance;

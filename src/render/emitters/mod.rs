@@ -109,6 +109,12 @@ impl EmitterSet {
         self.has_area() || !self.deterministic.is_empty() || !self.sky.is_empty()
     }
 
+    /// Probability that a light subpath starts from a beam.
+    pub fn beam_share(&self) -> f64 {
+        let beams = self.table.iter().filter(|entry| entry.kind == EMITTER_BEAM);
+        beams.map(|entry| f64::from(entry.select_pdf)).sum()
+    }
+
     /// Adds the emissive triangles, weighted by flux. Returns the flux per area of each material.
     fn add_triangles(&mut self, scene: &Scene, geometry: &Geometry, weights: &mut Vec<f64>) -> Vec<f64> {
         let exitances = triangle::exitances(scene, geometry);

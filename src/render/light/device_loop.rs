@@ -140,7 +140,7 @@ impl DeviceLoop {
         visit: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        let continues = plan.traces_light && batch.yields != Yield::BeamEvents;
+        let continues = plan.traces_light && batch.kind != BatchKind::BeamEvents;
         let rounds = if continues { plan.max_depth } else { 1 };
         let (mut done, mut living) = (0, batch.count);
         while done < rounds && living > 0 {
@@ -170,7 +170,8 @@ impl DeviceLoop {
             self.read_back_kept(subpaths, total(KEPT) as usize, stats)?;
             let kept = || self.collect_kept(plan, batch, total(KEPT) as usize, pool, visit);
             stats.timed(stage::READ_LIGHT, kept)?.add_to(stats)?;
-            if plan.tuning.tile.is_none() {
+            // The single round of other batches says nothing about the time of a bounce.
+            if continues && plan.tuning.tile.is_none() {
                 self.rounds = ((f64::from(until - done) * size_factor(seconds)) as u32).clamp(1, self.capacity);
             }
             (done, living) = (until, left);

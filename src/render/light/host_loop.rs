@@ -15,12 +15,12 @@ impl Subpaths {
     ) -> Result<()> {
         let constants = batch.constants();
         let mut living: Vec<u32> = (0..batch.count).collect();
-        if batch.yields == Yield::BeamEvents {
+        if batch.kind == BatchKind::BeamEvents {
             self.buffers.counters.write(&[batch.count])?;
         }
         self.record_start(batch, &constants)?;
         stats.submit(&mut self.recorder)?;
-        if batch.yields == Yield::BeamEvents {
+        if batch.kind == BatchKind::BeamEvents {
             return stats.timed(stage::READ_LIGHT, || self.report_splats(plan, &living, 2, visit))?.add_to(stats);
         }
         stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;

@@ -67,10 +67,10 @@ impl Plan {
         self.uses_gate_in_media() && self.max_deterministic <= DETERMINISTIC_SLOTS
     }
 
-    /// Whether events on the lines of beams are drawn inside the gate, for connections to the sensor (t = 1). The travel time of
-    /// such a path bounds the position of its event only for a pinhole: the rays of an orthographic camera end anywhere on a plane.
+    /// Whether events on the lines of beams are also drawn inside the gate, for connections to the sensor (t = 1). Not for
+    /// orthographic cameras: `gate_interval` takes the sensor as a point.
     pub fn draws_on_beams(&self) -> bool {
-        self.draws_in_gate() && self.splats && self.has_beams && !self.is_orthographic
+        self.draws_in_gate() && self.splats && self.beam_share > 0.0 && !self.is_orthographic
     }
 
     /// Number of parts of the gate; a query kernel may choose a vertex for each part.

@@ -1,4 +1,4 @@
-//! The parsed file: JSON, buffers, names for messages, and the warnings about ignored features.
+//! The parsed file: JSON, buffers, names for messages, and the warnings about the file.
 
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
@@ -20,11 +20,11 @@ pub struct Document<'a> {
     /// By buffer view.
     compressed: HashMap<usize, Compressed>,
     pub draco: DracoMeshes,
-    /// Index of the first mesh with a morph target that moves colours or texture coordinates, which is not read.
-    pub morphs_colors: Option<usize>,
+    /// Index of the first mesh with a morph target that moves colours or texture coordinates. This motion is ignored.
+    pub first_mesh_morphing_colors: Option<usize>,
 }
 
-/// The bytes of a buffer view; they lie inside their buffer.
+/// The bytes of a buffer view, decompressed if the view is compressed.
 pub struct View<'a> {
     pub bytes: &'a [u8],
     pub stride: Option<usize>,
@@ -54,8 +54,8 @@ impl<'a> Document<'a> {
         let draco = DracoMeshes::find(&root)?;
         let has_targets =
             root.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|primitive| primitive.targets.is_some());
-        let morphs_colors = if has_targets { morph::first_with_colors(json) } else { None };
-        Ok(Self { root, buffers, buffer_bytes, compressed, draco, morphs_colors })
+        let first_mesh_morphing_colors = if has_targets { morph::first_with_colors(json) } else { None };
+        Ok(Self { root, buffers, buffer_bytes, compressed, draco, first_mesh_morphing_colors })
     }
 
     /// The bytes of buffer view `index`; `what` names the object that refers to it in messages.
@@ -116,7 +116,7 @@ pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     }
 }
 
-/// The names of all objects of a kind so far, and how many objects had each name in the file.
+/// The names of all objects of a kind so far, each with the last number that was tried after it; 1 if there was none.
 #[derive(Default)]
 pub struct DistinctNames(HashMap<String, u32>);
 
@@ -145,7 +145,7 @@ pub fn finite(value: f32, what: &str) -> Checked<f32> {
     if value.is_finite() { Ok(value) } else { Err(format!("{what} is not a finite number; correct it and re-export")) }
 }
 
-/// Warnings about features of the file that are ignored.
+/// Warnings about features of the file that are ignored, changed or doubtful.
 #[derive(Default)]
 pub struct Warnings {
     pub list: Vec<String>,
