@@ -37,7 +37,8 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
     s.triangle = NONE;
     s.throughput = e.throughput * (1.0 / f32(frame.light_paths));
 
-    // The start of the segment: `draw_in_gate` measures distances from here. With depth 1, the MIS sums of the event are 0.
+    // The start of the segment: `draw_in_gate` measures distances from here. With depth 1 (`flags`), it leaves d_vcm at 0. The other
+    // sum, d_vc, is that of `s`, which is 0 as well.
     var start: PathVertex;
     start.position = s.position;
     start.to_previous = -s.direction;
@@ -57,7 +58,8 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     var event = draw_in_gate(start, segment, sensor, flight_uniforms(key).xy);
-    if (max_component(event.throughput) <= 0.0) {
+    // Not a number if rounding has closed the interval.
+    if (!(max_component(event.throughput) > 0.0)) {
         return;
     }
     segment.length = distance(event.position, start.position);

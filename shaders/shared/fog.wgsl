@@ -109,7 +109,7 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     event.owner = q.owner;
     event.d_vc = segment.d_vc;
     let depths = optical_depths(x, w, s);
-    // At depth 1, no other strategy forms the path, so d_vcm stays 0: light_splat.wgsl skips vertices that `follows_connected`.
+    // At depth 1, no other strategy forms the path, so d_vcm stays 0 (light_splat.wgsl leaves out the events of flights).
     if ((q.flags & VERTEX_DEPTH) > 1u) {
         event.d_vcm = min(segment.d_vcm * mis(s * s / flight_density(depths.scattering)), MAX_SUM);
     }
@@ -132,6 +132,10 @@ fn flight_share(v: PathVertex, segment: FogSegment, sensor: PathVertex) -> f32 {
         return 1.0;
     }
     let g = gate_distribution(v, segment, sensor);
+    if (g.a >= g.b) {
+        // Rounding has closed the interval, because the sensor is very far away.
+        return 1.0;
+    }
     let drawn = mis(gate_density(g, segment.length - g.along));
     let shares = segment.throughput / max(segment.throughput.x + segment.throughput.y + segment.throughput.z, 1e-37);
     let depths = optical_depths(segment_start(v, segment), -v.to_previous, segment.length);

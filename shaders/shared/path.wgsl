@@ -34,8 +34,8 @@ const PATH_DETERMINISTIC: u32 = 2u;
 // The ray belongs to a bundle of parallel rays, such as those of a sun, the sky or an orthographic camera. The density per
 // area of the next vertex does not fall with the distance.
 const PATH_PARALLEL: u32 = 4u;
-// Light subpaths: the last vertex is deterministic, and shade points connect to it. Or it is on a beam, and beam_events.wgsl draws
-// the next event. In both cases, another kernel draws an event on this segment in the gate.
+// Light subpaths: the last vertex is deterministic, and shade points connect to it. Or it is on a beam, and beam_events.wgsl also
+// draws an event on this segment. In both cases, another kernel draws an event in the gate.
 const PATH_LEAVES_CONNECTED: u32 = 8u;
 // Light subpaths: from this bit on, the number of vertices that are not deterministic, at most 3.
 const PATH_RANDOM_SHIFT: u32 = 4u;
@@ -93,7 +93,8 @@ const VERTEX_VALID: u32 = 0x800u;
 const VERTEX_TRANSMITS: u32 = 0x4000u;
 // A normal map has turned the shading normal.
 const VERTEX_BUMPED: u32 = 0x8000u;
-// The vertex is a scattering event in a participating medium. `normal`, `geometric` and `point_words` have no meaning.
+// The vertex is a scattering event in a participating medium. `geometric` and `point_words` have no meaning, and
+// `normal` has none but the share that its comment names; it is 0 otherwise.
 const VERTEX_IN_MEDIUM: u32 = 0x10000u;
 // Light: see `follows_connected`.
 const VERTEX_FOLLOWS_CONNECTED: u32 = 0x20000u;
@@ -102,7 +103,8 @@ const VERTEX_SEGMENT_ONLY: u32 = 0x40000u;
 // From this bit on: code of the solid on the side of `to_previous` (solid.wgsl).
 const VERTEX_SOLID_SHIFT: u32 = 20u;
 
-// The segment of a sensor subpath before a shade point, for events that are drawn on it (shared/fog.wgsl).
+// The segment of a sensor subpath before a shade point, for events that are drawn on it (shared/fog.wgsl). On beams, the segment of a
+// light subpath.
 struct FogSegment {
     // Throughput at the start of the segment.
     throughput: vec3<f32>,

@@ -14,7 +14,7 @@ struct Arrival {
     vertex: PathVertex,
     // Factor by which the flight through media changed the throughput, in the channel where it is largest; 1 without media.
     carried: f32,
-    // Sensor subpaths: the segment that was traced, also if the ray left the scene. Its `limit` is 0 if the scene has no media, or if
+    // The segment that was traced, also if the ray left the scene. Its `limit` is 0 if the scene has no media, or if
     // the ray runs in a solid without a medium.
     segment: FogSegment,
 }

@@ -85,7 +85,7 @@ enum BatchKind {
     /// The paths yield the deterministic vertices of thin beams. The first path starts from the emitter with this index; each further
     /// path starts from the next one.
     BeamSpots(u32),
-    /// Each path yields one event on the line of the beam that it starts with (`beam_events.wgsl`).
+    /// Each path that starts with a beam yields at most one event on the line of the beam (`beam_events.wgsl`).
     BeamEvents,
 }
 
@@ -292,7 +292,7 @@ impl LightTracer {
 
 impl Subpaths {
     /// Records the kernels that write the first vertices of a batch. Events on beams also get their splats; the counter of the list
-    /// must hold their number.
+    /// must hold the number of paths.
     fn record_start(&mut self, batch: &Batch, constants: &Dispatch) -> Result<()> {
         let groups = self.start.0.groups(constants.count as usize);
         if batch.kind == BatchKind::BeamEvents {

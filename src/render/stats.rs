@@ -56,7 +56,7 @@ pub struct Stats {
     pub deterministic_vertices: u64,
     /// Rays that find the closest hit, from sensor and light subpaths.
     pub closest_rays: u64,
-    /// The part of `closest_rays` that light subpaths traced.
+    /// The part of `closest_rays` that light subpaths traced. Of the rays for events on beams, the expected number.
     pub light_rays: u64,
     /// Visibility rays between two points.
     pub shadow_rays: u64,

@@ -72,7 +72,7 @@ fn truth(sigma_s: f64, [lo, hi]: [f64; 2]) -> f64 {
     gated_single_scattering(fog, |cos| phase.density(cos), POWER.into(), -SOURCE, direction(), [lo, hi])
 }
 
-/// `lcs` draws the events in the gate. Its standard error is below 0.3 %, and a coefficient that is wrong by 3 % is rejected. `bdpt`
+/// `lcs` also draws events in the gate. Its standard error is below 0.3 %, and a coefficient that is wrong by 3 % is rejected. `bdpt`
 /// leaves the events to chance. `whole_images_of_foggy_rooms_agree_with_the_oracle` has a beam with walls, mirrors and glass.
 #[test]
 fn light_that_scatters_once_on_a_beam_is_nearly_free_of_noise() {
@@ -93,8 +93,8 @@ fn light_that_scatters_once_on_a_beam_is_nearly_free_of_noise() {
     }
 }
 
-/// A small cloud in a large grid. `bdpt` has flights along the beam alone, which follow the density of the grid. The events that `lcs`
-/// also draws in the gate change no mean, and no render becomes noisier.
+/// A small cloud in a large grid. `bdpt` has only flights along the beam, and they follow the density of the grid. The events that `lcs`
+/// also draws in the gate change no mean, and add no noise without a gate.
 #[test]
 fn a_beam_on_a_grid_has_the_light_of_flights() {
     let mut density = vec![0.0; 12];

@@ -170,7 +170,7 @@ impl DeviceLoop {
             self.read_back_kept(subpaths, total(KEPT) as usize, stats)?;
             let kept = || self.collect_kept(plan, batch, total(KEPT) as usize, pool, visit);
             stats.timed(stage::READ_LIGHT, kept)?.add_to(stats)?;
-            // The single round of other batches says nothing about the time of a bounce.
+            // The single round of a batch without bounces says nothing about the time of a bounce.
             if continues && plan.tuning.tile.is_none() {
                 self.rounds = ((f64::from(until - done) * size_factor(seconds)) as u32).clamp(1, self.capacity);
             }
