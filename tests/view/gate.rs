@@ -126,6 +126,11 @@ fn the_gate_is_typed_in_all_units() {
         page.click("#gate-play").await;
         page.until("Number(document.getElementById('gate-from').value) < 10").await;
         page.click("#gate-play").await;
+        // The program must have followed, because a late answer to an older change may reset the fields (docs/LIMITS.md).
+        page.until(
+            "Number(/--(gate|depth) ([0-9.]+)m/.exec(document.getElementById('command').textContent)?.[2]) < 10",
+        )
+        .await;
 
         // A gate without end gets one from the end of the range.
         page.enter("#gate-to", "inf").await;
