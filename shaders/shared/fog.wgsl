@@ -57,9 +57,8 @@ struct GateDistribution {
     reached: f32,
 }
 
-// The distribution on the segment before q, whose `gate_interval` must not be empty.
-fn gate_distribution(q: PathVertex, segment: FogSegment, v: PathVertex) -> GateDistribution {
-    let interval = gate_interval(q, segment, v);
+// The distribution on the segment before q. `interval`: its `gate_interval`, which must not be empty.
+fn gate_distribution(q: PathVertex, segment: FogSegment, v: PathVertex, interval: vec2<f32>) -> GateDistribution {
     let w = -q.to_previous;
     let x = segment_start(q, segment);
     let along = dot(w, v.position - x);
@@ -84,7 +83,7 @@ fn gate_density(g: GateDistribution, offset: f32) -> f32 {
 // Draws an event in the `gate_interval`. Its throughput is divided by the `gate_density` of its position. The throughput is 0 outside
 // of media.
 fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>) -> PathVertex {
-    let g = gate_distribution(q, segment, v);
+    let g = gate_distribution(q, segment, v, gate_interval(q, segment, v));
     let w = -q.to_previous;
     let x = segment_start(q, segment);
     var offset = 0.0;
@@ -131,7 +130,7 @@ fn flight_share(v: PathVertex, segment: FogSegment, sensor: PathVertex) -> f32 {
     if (!(interval.x < interval.y && segment.length >= interval.x && segment.length <= interval.y)) {
         return 1.0;
     }
-    let g = gate_distribution(v, segment, sensor);
+    let g = gate_distribution(v, segment, sensor, interval);
     if (g.a >= g.b) {
         // Rounding has closed the interval, because the sensor is very far away.
         return 1.0;

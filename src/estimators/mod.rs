@@ -69,8 +69,8 @@ pub struct Record {
     pub query_sample_count: fn(queries: u32, has_media: bool) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
     pub splat_sample_weight: f32,
-    /// Whether an event in a medium is drawn inside the gate for a connection to a deterministic vertex, instead of by free flight; and
-    /// whether the first event on a beam is also drawn inside the gate, for its connection to the sensor.
+    /// Whether an event in a medium is drawn inside the gate for a connection to a deterministic vertex, instead of by free flight.
+    /// Then the first event on a beam is also drawn inside the gate, for its connection to the sensor.
     pub draws_in_gate: bool,
     /// How connections that are too short for the gate run over an auxiliary vertex on an ellipsoid.
     pub ellipsoids: Ellipsoids,

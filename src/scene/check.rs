@@ -210,8 +210,8 @@ pub(super) fn is_unit(v: DVec3) -> bool {
     (v.length() - 1.0).abs() < UNIT
 }
 
-/// True if the matrix of the transform has no useful inverse: it is not finite, or flattens space to a plane, a line or a point, or
-/// nearly so. Thin rods and plates are allowed if their thickness is more than 1e-12 of their length.
+/// True if the matrix of the transform has no useful inverse. Such a matrix is not finite, or it (nearly) flattens space to a plane, a
+/// line or a point. Thin rods and plates are allowed if their thickness is more than 1e-12 of their length.
 pub fn is_singular(transform: &DAffine3) -> bool {
     let matrix = transform.matrix3;
     let longest = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());

@@ -41,8 +41,8 @@ fn scene() -> Scene {
     scene
 }
 
-/// Fluence at the pinhole through a gate, in W per square metre, and its standard error. The solid angle of a pixel is that of its
-/// centre, so the fluence of a gate that only a few pixels see is wrong by up to 0.2 %.
+/// Fluence at the pinhole through a gate, in W per square metre, and its standard error. Each pixel has the solid angle of its centre.
+/// If only a few pixels see the gate, the fluence is wrong by up to 0.2 %.
 fn fluence(scene: &Scene, estimator: Estimator, gate: Gate) -> (f64, f64) {
     let s = settings(estimator, [SIDE as u32; 2]).max_depth(2).build().unwrap();
     let mut renderer = renderer(scene, &s);

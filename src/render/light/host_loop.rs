@@ -15,9 +15,7 @@ impl Subpaths {
     ) -> Result<()> {
         let constants = batch.constants();
         let mut living: Vec<u32> = (0..batch.count).collect();
-        if batch.kind == BatchKind::BeamEvents {
-            self.buffers.counters.write(&[batch.count])?;
-        }
+        self.buffers.counters.write(&[batch.count])?;
         self.record_start(batch, &constants)?;
         stats.submit(&mut self.recorder)?;
         if batch.kind == BatchKind::BeamEvents {

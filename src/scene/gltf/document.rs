@@ -116,7 +116,7 @@ pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     }
 }
 
-/// The names of all objects of a kind so far, each with the last number that was tried after it; 1 if there was none.
+/// The names of all objects of a kind so far. Each has the last number that was tried after it, or 1 if none was tried.
 #[derive(Default)]
 pub struct DistinctNames(HashMap<String, u32>);
 
