@@ -33,7 +33,8 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
     var s: PathState;
     s.position = e.vertex.position;
     s.direction = e.direction;
-    s.eta = SURROUNDING_GROUP_INDEX;
+    s.eta = e.vertex.eta;
+    s.flags = with_solid(0u, e.vertex.flags >> VERTEX_SOLID_SHIFT);
     s.triangle = NONE;
     s.throughput = e.throughput * (1.0 / f32(frame.light_paths));
 

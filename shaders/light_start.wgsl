@@ -31,7 +31,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.position = e.vertex.position;
     s.tau = 0.0;
     s.direction = e.direction;
-    s.eta = SURROUNDING_GROUP_INDEX;
+    s.eta = e.vertex.eta;
     s.select_pdf = e.vertex.select_pdf;
     s.emitter = e.vertex.owner;
     s.triangle = e.triangle;
@@ -39,7 +39,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     // Light subpaths from the sky start with 2 random vertices, so that all their connections take equally many samples (weights.wgsl).
     let random = select(select(0u, 1u, e.stored), 2u, HAS_SKY && e.sky);
     let lives = max_component(s.throughput) > 0.0 && (e.deterministic || !fixed_emitter);
-    s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, lives);
+    s.flags = with_solid((random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, lives), e.vertex.flags >> VERTEX_SOLID_SHIFT);
     if (e.deterministic) {
         // The vertices that all paths of this emitter share are kept once, with the whole power.
         s.throughput = e.throughput * e.vertex.select_pdf;

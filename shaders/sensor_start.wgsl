@@ -29,9 +29,9 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
         s.tau = -SURROUNDING_GROUP_INDEX * load_aim(sensor.pixel).w;
     }
     s.direction = direction;
-    s.eta = SURROUNDING_GROUP_INDEX;
+    s.eta = eta_around(frame.sensor_solid);
     s.throughput = vec3<f32>(1.0);
-    s.flags = PATH_ALIVE | select(0u, PATH_PARALLEL, HAS_ORTHOGRAPHIC);
+    s.flags = with_solid(PATH_ALIVE | select(0u, PATH_PARALLEL, HAS_ORTHOGRAPHIC), solid_around(frame.sensor_solid));
     s.shift = vec3<f32>(0.0);
     s.triangle = NONE;
     start_sensor_sums(&s, inverseSqrt(length2));

@@ -5,6 +5,7 @@
 #import bsdf
 #import random
 #import sky
+#import solid
 
 // Values of Emitter.kind.
 const EMITTER_TRIANGLE: u32 = 0u;
@@ -110,8 +111,8 @@ fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
     var r: Emission;
     r.vertex.owner = number;
     r.vertex.select_pdf = e.select_pdf;
-    r.vertex.eta = SURROUNDING_GROUP_INDEX;
-    r.vertex.flags = VERTEX_EMITTER | VERTEX_VALID;
+    r.vertex.eta = eta_around(e.solid);
+    r.vertex.flags = VERTEX_EMITTER | VERTEX_VALID | (solid_around(e.solid) << VERTEX_SOLID_SHIFT);
     r.triangle = NONE;
     switch (e.kind) {
         case EMITTER_TRIANGLE: {
@@ -200,6 +201,7 @@ fn emit_from_sky(number: u32, a: vec4<f32>, words: vec4<u32>) -> Emission {
     var r: Emission;
     r.vertex.owner = number;
     r.vertex.select_pdf = e.select_pdf;
+    r.vertex.eta = SURROUNDING_GROUP_INDEX;
     r.vertex.position = e.position + disk;
     r.triangle = NONE;
     r.direction = -seen.direction;

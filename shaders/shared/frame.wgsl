@@ -80,9 +80,10 @@ struct Frame {
     auxiliary_density: f32,
     // Number of light vertices in the pool; 0 if the estimator builds no trees.
     vertex_count: u32,
+    // Material of the glass around the camera, an index into `materials`; NONE outside of glass.
+    sensor_solid: u32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 // Parameters of one dispatch.

@@ -89,6 +89,11 @@ struct Emitter {
     strength: vec3<f32>,
     // Spots: 1 - cosine of the inner half angle.
     inner: f32,
+    // Material of the glass around the emitter, an index into `materials`; NONE outside of glass.
+    solid: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 // Here, a texture_1d<u32> is a texel buffer: an array of 16-byte words, each of which is loaded whole (src/gpu/spirv.rs gives
@@ -134,10 +139,11 @@ fn load_texture(index: u32) -> TextureInfo {
 }
 
 fn load_emitter(index: u32) -> Emitter {
-    let choice = textureLoad(emitters, 4u * index, 0);
-    let place = bitcast<vec4<f32>>(textureLoad(emitters, 4u * index + 1u, 0));
-    let axis = bitcast<vec4<f32>>(textureLoad(emitters, 4u * index + 2u, 0));
-    let power = bitcast<vec4<f32>>(textureLoad(emitters, 4u * index + 3u, 0));
+    let choice = textureLoad(emitters, 5u * index, 0);
+    let place = bitcast<vec4<f32>>(textureLoad(emitters, 5u * index + 1u, 0));
+    let axis = bitcast<vec4<f32>>(textureLoad(emitters, 5u * index + 2u, 0));
+    let power = bitcast<vec4<f32>>(textureLoad(emitters, 5u * index + 3u, 0));
+    let around = textureLoad(emitters, 5u * index + 4u, 0);
     return Emitter(choice.x, choice.y, bitcast<f32>(choice.z), choice.w,
-        place.xyz, place.w, axis.xyz, axis.w, power.xyz, power.w);
+        place.xyz, place.w, axis.xyz, axis.w, power.xyz, power.w, around.x, around.y, around.z, around.w);
 }

@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use super::geometry::{Geometry, Ray, Surface};
 use super::phase::Phase;
 use crate::generate::numbers::Pcg;
-use crate::scene::{DensityGrid, GridFilter, Medium, Mesh, Scene};
+use crate::scene::{DensityGrid, GridFilter, Material, Medium, Mesh, Scene};
 
 /// All media of a scene.
 pub struct Media<'a> {
@@ -18,6 +18,8 @@ pub struct Media<'a> {
     surrounding: Region,
     /// Per instance.
     is_null_boundary: Vec<bool>,
+    /// Whether a material transmits light.
+    has_solids: bool,
     /// Whether all coefficients are the same in the three channels.
     is_grey: bool,
 }
@@ -76,6 +78,7 @@ impl<'a> Media<'a> {
             outside: scene.media.iter().map(PreparedMedium::new).collect(),
             interiors: interiors.into_iter().map(|medium| medium.map(PreparedMedium::new)).collect(),
             surrounding: Region { solid: None, eta: ior.into(), group_index: group_ior.into() },
+            has_solids: scene.materials.iter().any(Material::transmits),
             is_null_boundary: scene.instances.iter().map(|i| is_null(&scene.meshes[i.mesh as usize])).collect(),
         }
     }
@@ -118,10 +121,9 @@ impl<'a> Media<'a> {
         }
     }
 
-    /// The region where a ray starts. Solids must be closed and nested properly. `ior` gives the index of each material. Without
-    /// media in solids, every ray starts outside.
+    /// The region where a ray starts. Solids must be closed and nested properly. `ior` gives the index of each material.
     pub fn region(&self, geometry: &Geometry, ray: Ray, ior: impl Fn(u32) -> f64) -> Region {
-        if !self.has_interiors() {
+        if !self.has_solids {
             return self.surrounding;
         }
         let (mut passed, mut depth) = (vec![], 0);

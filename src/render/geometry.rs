@@ -160,6 +160,16 @@ impl Part {
 }
 
 impl Geometry {
+    /// Travel time per length in the glass of a material, and the code of this glass (`shared/solid.wgsl`). `material`: index in
+    /// `materials`, or NONE outside of glass. `surrounding`: index of refraction and group index outside of glass.
+    pub fn around(&self, material: u32, [ior, group_index]: [f32; 2]) -> (f32, u32) {
+        match self.materials.get(material as usize) {
+            None => (group_index, OUTSIDE_SOLIDS),
+            Some(glass) if glass.interior == NONE => (glass.ior * ior, CLEAR_SOLID),
+            Some(glass) => (glass.ior * ior, FIRST_INTERIOR + glass.interior),
+        }
+    }
+
     /// The index of a material's double-sided copy, with the TRIANGLE_ bits of `material`.
     fn double_sided(&mut self, material: u32) -> u32 {
         let number = material & TRIANGLE_MATERIAL;

@@ -5,6 +5,7 @@ mod choice;
 mod constants;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
@@ -13,6 +14,7 @@ use super::material::Features;
 use super::pool_layout::PoolLayout;
 use super::prepared_scene::PreparedScene;
 use super::samples::{MAX_AIMED_SAMPLES, MAX_AVERAGE_SAMPLES};
+use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use crate::error::{Error, Result};
@@ -114,6 +116,8 @@ pub struct Plan {
     group_index: f64,
     /// Whether light is faster in a solid than outside of it.
     has_fast_solids: bool,
+    /// The glass that the camera may be inside of.
+    solids: Arc<Solids>,
     /// Parts of the BVH from [`Bvh::parts`](crate::bvh::Bvh::parts); empty unless the estimator has [`Ellipsoids::Enumerated`].
     pub bvh_parts: Vec<u32>,
     /// Values of the WGSL `override` constants that depend on the media.
@@ -194,6 +198,7 @@ impl Plan {
             beam_share: emitters.beam_share(),
             group_index: prepared.media.surrounding[1].into(),
             has_fast_solids: constants::has_fast_solids(scene, prepared.media.surrounding[1]),
+            solids: prepared.solids.clone(),
             bvh_parts: if estimator.ellipsoids == Ellipsoids::Enumerated {
                 prepared.geometry.bvh.parts(PART_TRIANGLES)
             } else {
@@ -253,6 +258,7 @@ impl Plan {
         let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
         let frame = &mut self.frame;
         frame.sensor = sensor.to_array();
+        frame.sensor_solid = self.solids.material_at(sensor);
         let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
         (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
         let [width, height] = match self.aims {

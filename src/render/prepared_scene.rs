@@ -1,14 +1,16 @@
 //! A scene that the host has prepared for rendering: it is flattened, its BVH is built, and its emitters are collected.
 
 use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
 
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::media::Media;
+use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, enclosed, far_objects, grid, null_boundary, oversized, pinhole_in_fog};
+use super::{coplanar, far_objects, grid, null_boundary, oversized, pinhole_in_fog};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -16,6 +18,7 @@ use crate::settings::{Emitters, Settings};
 /// All scene data for the upload, in the render space around one camera and with one selection of emitters.
 pub struct PreparedScene {
     pub(super) geometry: Geometry,
+    pub(super) solids: Arc<Solids>,
     pub(super) emitters: EmitterSet,
     pub(super) media: Media,
     pub(super) albedo: &'static AlbedoTable,
@@ -43,7 +46,8 @@ impl PreparedScene {
         let albedo = AlbedoTable::shared();
         let space = RenderSpace::of_camera(scene, camera, settings.emitters());
         let mut geometry = Geometry::new(scene, &space, settings.emitters(), albedo);
-        let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry);
+        let solids = Arc::new(Solids::new(&geometry));
+        let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry, &solids);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
                 "nothing emits light (a light of power 0 or an emissive surface without area does not count): add a light with \
@@ -54,7 +58,7 @@ impl PreparedScene {
         let sensor = sensor(camera, settings, &space);
         let media = Media::new(scene, &space)?;
         let aims = space.aims(camera);
-        Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor, aims })
+        Ok(PreparedScene { geometry, solids, emitters, media, albedo, space, sensor, aims })
     }
 
     /// Updates the emitters after lights without a surface have moved. The camera may have moved too, but `self` keeps the old one: pass
@@ -79,7 +83,7 @@ impl PreparedScene {
         let densities =
             |geometry: &Geometry| geometry.materials.iter().map(|m| m.emission_density).collect::<Vec<f32>>();
         let before = densities(&self.geometry);
-        let emitters = EmitterSet::new(scene, selected, &self.space, &mut self.geometry);
+        let emitters = EmitterSet::new(scene, selected, &self.space, &mut self.geometry, &self.solids);
         let is_like_before = densities(&self.geometry) == before
             && emitters.table.len() == self.emitters.table.len()
             && emitters.deterministic.len() == self.emitters.deterministic.len()
@@ -107,7 +111,8 @@ impl PreparedScene {
             return Ok(false);
         }
         self.geometry.place(scene, &space);
-        self.emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut self.geometry);
+        self.solids = Arc::new(Solids::new(&self.geometry));
+        self.emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut self.geometry, &self.solids);
         self.sensor = sensor(camera, settings, &space);
         self.aims = space.aims(camera);
         Ok(!self.emitters.table.is_empty())
@@ -135,8 +140,8 @@ impl PreparedScene {
     }
 
     /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
-    /// far too large, and objects that are far too distant. They also name lamps and pinholes inside of glass, a lamp at the pinhole in
-    /// fog, lamps in the plane of another surface, and density grids that lose thin parts.
+    /// far too large, and objects that are far too distant. They also name a lamp at the pinhole in fog, lamps in the plane of another
+    /// surface, and density grids that lose thin parts. Or they say that some lamps were not looked for inside of glass.
     pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
@@ -148,10 +153,10 @@ impl PreparedScene {
         let PreparedScene { geometry, space, .. } = self;
         let oversized = oversized::warnings(scene, geometry, space);
         let far = far_objects::warnings(scene, geometry, space, self.powers());
-        let enclosed = enclosed::warnings(scene, space, self.sensor, self.powers());
+        let unplaced = self.emitters.has_unplaced.then(|| UNPLACED.into());
         let at_pinhole = pinhole_in_fog::warning(scene, settings, space, self.sensor, self.powers());
         let coplanar = coplanar::warnings(scene, geometry, space);
-        let warnings = copies.into_iter().chain(oversized).chain(far).chain(enclosed).chain(at_pinhole).chain(coplanar);
+        let warnings = copies.into_iter().chain(oversized).chain(far).chain(unplaced).chain(at_pinhole).chain(coplanar);
         warnings.chain(grid::warnings(scene)).collect()
     }
 
@@ -160,6 +165,9 @@ impl PreparedScene {
         self.geometry.triangles.len()
     }
 }
+
+const UNPLACED: &str = "the scene has so many lamps in the boxes around its glass, and the glass has so many triangles, that some of \
+                        these lamps count as being outside of the glass; if they are inside, divide the glass into smaller meshes";
 
 /// Bounding box, in render space, of the points where camera rays start.
 fn sensor(camera: &Camera, settings: &Settings, space: &RenderSpace) -> Box3 {

@@ -113,10 +113,6 @@ impl Box3 {
         a.with(b).with(c.with(d))
     }
 
-    pub(super) fn centre(&self) -> Vec3 {
-        0.5 * (self.lo + self.hi)
-    }
-
     /// Whether the box consists of this point alone.
     pub(super) fn is_at(&self, p: Vec3) -> bool {
         self.lo == p && self.hi == p

@@ -110,12 +110,6 @@ impl Scene {
         };
         corners.into_iter().map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)])
     }
-
-    /// Lower and upper corner, in metres in the world, of a box around the transformed box of the instance's mesh.
-    pub(crate) fn bounds_of(&self, instance: &Instance) -> [DVec3; 2] {
-        let corners = corners(self.meshes[instance.mesh as usize].bounds(), &instance.transform);
-        corners.into_iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(p), hi.max(p)])
-    }
 }
 
 /// The corners of a box, transformed.

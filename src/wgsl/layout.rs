@@ -53,7 +53,7 @@ host_twins! {
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
         hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
-        vertex_count: u32, pad0: u32, pad1: u32, pad2: u32,
+        vertex_count: u32, sensor_solid: u32, pad0: u32, pad1: u32,
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -73,6 +73,7 @@ host_twins! {
         position: [f32; 3], select_pdf: f32,
         direction: [f32; 3], outer: f32,
         strength: [f32; 3], inner: f32,
+        solid: u32, pad0: u32, pad1: u32, pad2: u32,
     }
     /// `shared/medium.wgsl`
     Medium {
@@ -158,6 +159,10 @@ pub mod constants {
         VERTEX_TRANSMITS: u32 = 0x4000,
         VERTEX_BUMPED: u32 = 0x8000,
         VERTEX_IN_MEDIUM: u32 = 0x1_0000,
+        VERTEX_SOLID_SHIFT: u32 = 20,
+        OUTSIDE_SOLIDS: u32 = 0,
+        CLEAR_SOLID: u32 = 1,
+        FIRST_INTERIOR: u32 = 2,
         BLOCK: u32 = 8,
         PHASE_LOBES: u32 = 0,
         PHASE_RAYLEIGH: u32 = 1,

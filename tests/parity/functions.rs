@@ -117,6 +117,11 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("solid_towards", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
     ("solid_of", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
     ("path_solid", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
+    (
+        "solid_around",
+        Test("estimators/inside_glass.rs", "a_beam_in_milky_glass_around_the_camera_agrees_with_the_oracle"),
+    ),
+    ("eta_around", Test("estimators/inside_glass.rs", "a_camera_in_clear_glass_agrees_with_the_oracle")),
     ("with_solid", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
     ("is_sun", Test("estimators/sun.rs", "estimators_agree_with_the_oracle_in_sunlight")),
     ("medium_receiver", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),

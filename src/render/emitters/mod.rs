@@ -6,17 +6,18 @@ mod power;
 mod sky;
 mod triangle;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::f64::consts::PI;
 
 use glam::{BVec3, DVec3, Vec3};
 
 use super::geometry::Geometry;
+use super::solids::Solids;
 use super::space::RenderSpace;
 use crate::scene::{Light, Medium, Scene, SkyImage, surrounding_indices};
 use crate::settings::Emitters;
-use crate::wgsl::layout::constants::{EMITTER_BEAM, EMITTER_SKY};
-use crate::wgsl::layout::{Emitter, PathVertex};
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{Emitter, NONE, PathVertex};
 use light::{LightRecord, Sphere};
 use power::Powers;
 pub use sky::table as sky_table;
@@ -42,6 +43,8 @@ pub struct EmitterSet {
     pub has_distant: bool,
     /// The sky for the kernels (`shaders/shared/sky.wgsl`); empty if there is none.
     pub sky: Vec<[u32; 4]>,
+    /// Whether the work of finding the glass around each emitter was too much, so that some count as being outside of glass.
+    pub has_unplaced: bool,
     /// Luminance-weighted power in W of every node that emits, by node name. A sun or a sky has none.
     pub powers: BTreeMap<String, f64>,
 }
@@ -54,7 +57,13 @@ pub fn luminance(c: [f32; 3]) -> f64 {
 impl EmitterSet {
     /// Collects the selected emitters and sets `emission_density` of the materials in `geometry`. The set is empty if nothing
     /// emits.
-    pub fn new(scene: &Scene, selected: &Emitters, space: &RenderSpace, geometry: &mut Geometry) -> EmitterSet {
+    pub fn new(
+        scene: &Scene,
+        selected: &Emitters,
+        space: &RenderSpace,
+        geometry: &mut Geometry,
+        solids: &Solids,
+    ) -> EmitterSet {
         let mut set = EmitterSet {
             table: vec![],
             deterministic: vec![],
@@ -65,6 +74,7 @@ impl EmitterSet {
             thin_beams: 0,
             has_distant: false,
             sky: vec![],
+            has_unplaced: false,
             powers: BTreeMap::new(),
         };
         let mut weights = vec![];
@@ -78,10 +88,14 @@ impl EmitterSet {
         for (material, density) in geometry.materials.iter_mut().zip(densities) {
             material.emission_density = (density / total) as f32;
         }
-        let [_, group_index] = surrounding_indices(&scene.media);
+        set.place_in_solids(geometry, solids);
+        let surrounding = surrounding_indices(&scene.media);
         for vertex in &mut set.deterministic {
-            vertex.eta = group_index;
-            vertex.select_pdf = set.table[vertex.owner as usize].select_pdf;
+            let entry = &set.table[vertex.owner as usize];
+            let (eta, solid) = geometry.around(entry.solid, surrounding);
+            vertex.eta = eta;
+            vertex.flags |= solid << VERTEX_SOLID_SHIFT;
+            vertex.select_pdf = entry.select_pdf;
         }
         let shines = |light: &&Light| selected.include(&light.node);
         if let Some(entry) = set.table.iter().find(|entry| entry.kind == EMITTER_SKY)
@@ -167,6 +181,24 @@ impl EmitterSet {
         }
     }
 
+    /// Sets the glass around each emitter. All triangles of an instance are in the same glass as the first of them.
+    fn place_in_solids(&mut self, geometry: &Geometry, solids: &Solids) {
+        let mut steps = MAX_STEPS;
+        let mut by_instance = HashMap::new();
+        for entry in &mut self.table {
+            entry.solid = match entry.kind {
+                EMITTER_TRIANGLE => {
+                    let t = &geometry.triangles[entry.triangle as usize];
+                    let centre = [t.v0, t.v1, t.v2].into_iter().map(Vec3::from).sum::<Vec3>() / 3.0;
+                    *by_instance.entry(t.instance).or_insert_with(|| solids.material_within(centre, &mut steps))
+                }
+                EMITTER_SUN | EMITTER_SKY => NONE,
+                _ => solids.material_within(entry.position.into(), &mut steps),
+            };
+        }
+        self.has_unplaced = steps == 0;
+    }
+
     fn add_power(&mut self, node: &str, power: f64) {
         *self.powers.entry(node.to_string()).or_default() += power;
     }
@@ -176,6 +208,9 @@ impl EmitterSet {
         self.hi = self.hi.max(p + radius);
     }
 }
+
+/// Maximum number of triangles to look at for the glass around emitters, about a second of work.
+const MAX_STEPS: usize = 1 << 26;
 
 /// Smallest share of the light subpaths that start at beams, if there are any. No other strategy finds the light of a beam, so the light
 /// of a weak beam beside a strong lamp would rest on very few subpaths.

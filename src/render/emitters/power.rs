@@ -120,6 +120,7 @@ mod tests {
     use crate::generate::{shapes, stage};
     use crate::render::albedo::AlbedoTable;
     use crate::render::emitters::EmitterSet;
+    use crate::render::solids::Solids;
     use crate::render::space::RenderSpace;
     use crate::scene::{AlphaMode, Image, Material};
     use crate::settings::Emitters;
@@ -136,7 +137,7 @@ mod tests {
         stage::add(&mut scene, "lamp", lamp, shapes::quad(DVec3::ZERO, 2.0 * DVec3::X, 3.0 * DVec3::Y, size));
         let space = RenderSpace { origin: DVec3::ZERO, unit: 2.0 };
         let mut geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
-        let set = EmitterSet::new(&scene, &Emitters::Scene, &space, &mut geometry);
+        let set = EmitterSet::new(&scene, &Emitters::Scene, &space, &mut geometry, &Solids::default());
         set.powers.get("lamp").map_or(0.0, |power| power / (6.0 * PI))
     }
 

@@ -1,0 +1,174 @@
+//! Which piece of glass a lamp or the camera is inside of. Subpaths that start there need its index of refraction and its medium.
+//! Elsewhere, subpaths find out in what solid they are where they meet its surface.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::geometry::Geometry;
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{NONE, Triangle};
+
+/// The closed pieces of glass of a scene, in render space. Null boundaries are none: rays find the media inside of them by themselves.
+#[derive(Default)]
+pub struct Solids(Vec<Solid>);
+
+/// All triangles of one instance.
+struct Solid {
+    /// Index in [`Geometry::materials`].
+    material: u32,
+    lo: Vec3,
+    hi: Vec3,
+    /// Counter-clockwise, seen from the front of the surface.
+    triangles: Vec<[Vec3; 3]>,
+}
+
+impl Solids {
+    pub fn new(geometry: &Geometry) -> Solids {
+        let mut by_instance: BTreeMap<u32, Solid> = BTreeMap::new();
+        let transmits = |t: &&Triangle| {
+            let material = &geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize];
+            material.transmission > 0.0 && t.material & TRIANGLE_NULL == 0
+        };
+        for t in geometry.triangles.iter().filter(transmits) {
+            let material = t.material & TRIANGLE_MATERIAL;
+            let empty = || Solid { material, lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY, triangles: vec![] };
+            by_instance.entry(t.instance).or_insert_with(empty).add(t);
+        }
+        Solids(by_instance.into_values().collect())
+    }
+
+    /// Material of the glass around `point`, an index in [`Geometry::materials`]; NONE outside of glass. Where pieces of glass are
+    /// nested, the smallest one around the point counts. If its surface faces inwards, it is a hole, so the point is outside.
+    pub fn material_at(&self, point: Vec3) -> u32 {
+        let mut steps = usize::MAX;
+        self.material_within(point, &mut steps)
+    }
+
+    /// As [`Solids::material_at`], with a limit on the work. Each box and each triangle that is looked at takes one from `steps`. If there
+    /// are not enough left, the result is NONE and `steps` becomes 0.
+    pub fn material_within(&self, point: Vec3, steps: &mut usize) -> u32 {
+        let mut spend = |count: usize| {
+            let left = steps.checked_sub(count);
+            *steps = left.unwrap_or(0);
+            left.is_some()
+        };
+        if !spend(self.0.len()) {
+            return NONE;
+        }
+        let mut around: Vec<&Solid> = self.0.iter().filter(|solid| solid.may_contain(point)).collect();
+        around.sort_by(|a, b| a.hi.distance(a.lo).total_cmp(&b.hi.distance(b.lo)));
+        for solid in around {
+            if !spend(solid.triangles.len()) {
+                return NONE;
+            }
+            let seen = solid.solid_angle(point);
+            if seen.abs() > 3.0 * PI {
+                return if seen > 0.0 { solid.material } else { NONE };
+            }
+        }
+        NONE
+    }
+}
+
+impl Solid {
+    fn add(&mut self, t: &Triangle) {
+        let [a, b, c] = [t.v0, t.v1, t.v2].map(Vec3::from);
+        self.lo = self.lo.min(a).min(b).min(c);
+        self.hi = self.hi.max(a).max(b).max(c);
+        self.triangles.push(if t.material & TRIANGLE_MIRRORED != 0 { [a, c, b] } else { [a, b, c] });
+    }
+
+    fn may_contain(&self, point: Vec3) -> bool {
+        point.cmpge(self.lo).all() && point.cmple(self.hi).all()
+    }
+
+    /// Solid angle, in sr, of the directions from `point` in which the back of the surface is seen, minus those of its front. 4 pi in a
+    /// closed mesh that faces outwards, 0 outside of it.
+    fn solid_angle(&self, point: Vec3) -> f64 {
+        let of = |triangle: &[Vec3; 3]| solid_angle(triangle.map(|corner| (corner - point).as_dvec3()));
+        self.triangles.par_iter().map(of).sum()
+    }
+}
+
+/// Solid angle of a triangle seen from the origin, in sr: positive if it is seen from behind, where its corners run clockwise (van
+/// Oosterom and Strackee 1983).
+fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
+    let (la, lb, lc) = (a.length(), b.length(), c.length());
+    let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+    2.0 * a.dot(b.cross(c)).atan2(below)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+
+    use super::*;
+    use crate::generate::shapes::{icosphere, inside_out};
+    use crate::generate::stage::{camera, emitter, glass, material, mesh, place};
+    use crate::render::prepared_scene::PreparedScene;
+    use crate::scene::{Material, Scene};
+    use crate::settings::Settings;
+
+    /// A ball of glass of radius 1 around the origin, a smaller ball of other glass in it, a hole in the smaller ball, and a lamp
+    /// outside. The camera is at `eye`.
+    fn balls(eye: DVec3, transform: DAffine3) -> PreparedScene {
+        let mut scene = Scene::default();
+        let [outer, inner] = ["outer", "inner"].map(|name| material(&mut scene, glass(name)));
+        scene.materials[inner as usize] = Material { ior: 1.8, ..glass("inner") };
+        let shine = material(&mut scene, emitter("shine", [1.0; 3]));
+        let mut ball = |material, radius: f64, is_hole: bool, at: DAffine3| {
+            let shape = icosphere(radius, 2);
+            let ball = mesh(&mut scene, "ball", material, if is_hole { inside_out(shape) } else { shape });
+            place(&mut scene, "ball", ball, at);
+        };
+        ball(outer, 1.0, false, transform);
+        ball(inner, 0.5, false, transform);
+        ball(inner, 0.2, true, transform);
+        ball(shine, 0.1, false, DAffine3::from_translation(DVec3::Y * 3.0));
+        ball(shine, 0.1, false, DAffine3::from_translation(DVec3::X * 0.7));
+        camera(&mut scene, eye, eye + DVec3::Z, 0.5, [8, 8]);
+        PreparedScene::new(&scene, &Settings::default()).unwrap()
+    }
+
+    /// The index of refraction around the camera; 1 outside of glass.
+    fn index_around(eye: DVec3, transform: DAffine3) -> f32 {
+        let prepared = balls(eye, transform);
+        let found = prepared.solids.material_at(prepared.space.point(eye));
+        prepared.geometry.around(found, [1.0; 2]).0
+    }
+
+    #[test]
+    fn the_innermost_glass_around_a_point_counts() {
+        let mirrored = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        for transform in [DAffine3::IDENTITY, mirrored] {
+            for (x, index) in [(0.1, 1.0), (0.35, 1.8), (0.8, 1.5), (2.0, 1.0)] {
+                assert_eq!(index_around(DVec3::new(0.0, 0.0, x), transform), index, "{x}");
+            }
+            // In the box around the ball, but outside of the ball.
+            assert_eq!(index_around(DVec3::splat(0.7), transform), 1.0);
+        }
+    }
+
+    #[test]
+    fn emitters_know_the_glass_around_them() {
+        let prepared = balls(DVec3::Z * 4.0, DAffine3::IDENTITY);
+        let table = &prepared.emitters.table;
+        let indices = table.iter().map(|entry| prepared.geometry.around(entry.solid, [1.0; 2]).0);
+        let in_glass = indices.filter(|&index| index == 1.5).count();
+        assert_eq!((in_glass, table.len()), (table.len() / 2, 640));
+    }
+
+    /// There are three balls of glass. The smallest one around the point has 320 triangles.
+    #[test]
+    fn the_work_is_limited() {
+        let prepared = balls(DVec3::Z * 4.0, DAffine3::IDENTITY);
+        let point = prepared.space.point(DVec3::Z * 0.35);
+        for (mut steps, found, left) in [(322, false, 0), (323, true, 0), (1000, true, 677)] {
+            let material = prepared.solids.material_within(point, &mut steps);
+            assert_eq!((material != NONE, steps), (found, left));
+        }
+    }
+}
