@@ -1,10 +1,10 @@
-//! Properties of drivers that kernels must know: defects, and accuracy beyond Vulkan's guarantees.
+//! Properties of drivers that renders must know: defects, accuracy beyond Vulkan's guarantees, and slow compilers.
 
 #![warn(missing_docs)]
 
 use ash::vk;
 
-/// Known properties of a driver. Each field sets an override constant of kernels. The defaults are safe for an unknown driver.
+/// Known properties of a driver. Most fields set an override constant of kernels. The defaults are safe for an unknown driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Quirks {
     /// Sine and cosine are accurate to the last digits of f32, while Vulkan guarantees an absolute error of 2^-11. If false,
@@ -14,16 +14,19 @@ pub struct Quirks {
     /// threads continue. In the repetition these threads read 0 from storage buffers. So a thread that leaves a loop at the end
     /// of the body loses its result.
     pub exit_at_top: bool,
+    /// The kernel of ellipsoidal connections takes minutes to compile, so a render has such connections only if its settings demand them.
+    /// This sets no constant.
+    pub slow_ellipsoids: bool,
 }
 
 impl Quirks {
-    /// An unknown driver: no accuracy beyond Vulkan's guarantees, and no known defect.
-    pub const NONE: Quirks = Quirks { exact_sines: false, exit_at_top: false };
+    /// An unknown driver: no accuracy beyond Vulkan's guarantees, and no known defect or weakness.
+    pub const NONE: Quirks = Quirks { exact_sines: false, exit_at_top: false, slow_ellipsoids: false };
 
     pub(super) fn of(driver: vk::DriverId) -> Quirks {
         match driver {
             vk::DriverId::MESA_LLVMPIPE => Quirks { exact_sines: true, ..Quirks::NONE },
-            vk::DriverId::GOOGLE_SWIFTSHADER => Quirks { exit_at_top: true, ..Quirks::NONE },
+            vk::DriverId::GOOGLE_SWIFTSHADER => Quirks { exit_at_top: true, slow_ellipsoids: true, ..Quirks::NONE },
             _ => Quirks::NONE,
         }
     }

@@ -47,7 +47,7 @@ pub fn first_surfaces(
 ) -> Result<()> {
     // The estimator does not matter here, but some estimators refuse scenes that this one accepts.
     let settings = settings.change().estimator(Estimator::UNGATED).build()?;
-    let plan = Plan::new(scene, &settings, prepared)?;
+    let plan = Plan::new(scene, &settings, prepared, device.info().quirks)?;
     let mut on_device = DeviceScene::new(device, scene, prepared)?;
     on_device.write_frame(&plan.frame(&Iteration { number: 0, first_sample: 0, samples: 1 }, None))?;
     let mut constants = plan.constants();

@@ -51,9 +51,9 @@ impl MemoryPlan {
         prepared: &PreparedScene,
         device: Option<&DeviceInfo>,
     ) -> Result<MemoryPlan> {
-        let plan = Plan::new(scene, settings, prepared)?;
         let unlimited = DeviceInfo::unlimited();
         let info = device.unwrap_or(&unlimited);
+        let plan = Plan::new(scene, settings, prepared, info.quirks)?;
         let (scene_buffers, iteration) =
             (DeviceScene::buffer_descs(prepared), iteration_buffers(info, &plan, prepared));
         let vertices = plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth));

@@ -125,7 +125,7 @@ impl Renderer {
         let prepared = PreparedScene::new(scene, settings)?;
         let seconds = start.elapsed().as_secs_f64();
         let size = [settings.crop().width(), settings.crop().height()];
-        let mut plan = Plan::new(scene, settings, &prepared)?;
+        let mut plan = Plan::new(scene, settings, &prepared, device.info().quirks)?;
         plan.tuning = tuning;
         let mut renderer = Renderer::from_plan(device, plan, size, scene, &prepared)?;
         renderer.stats.add_prepared("build BVH", seconds);
@@ -142,7 +142,8 @@ impl Renderer {
         prepared: &PreparedScene,
     ) -> Result<Renderer> {
         let size = [settings.crop().width(), settings.crop().height()];
-        Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, scene, prepared)
+        let plan = Plan::new(scene, settings, prepared, device.info().quirks)?;
+        Renderer::from_plan(device, plan, size, scene, prepared)
     }
 
     /// A renderer of the same scene on the same device with other settings, such as a smaller image. Both use one copy of the scene
@@ -151,7 +152,7 @@ impl Renderer {
     #[doc(hidden)]
     pub fn sibling(&self, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Renderer> {
         let size = [settings.crop().width(), settings.crop().height()];
-        let plan = Plan::new(scene, settings, prepared)?;
+        let plan = Plan::new(scene, settings, prepared, self.device.info().quirks)?;
         let shared = self.scene.share(&self.device, prepared)?;
         Renderer::on_device(&self.device, plan, size, shared, prepared, Stats::default())
     }

@@ -19,6 +19,7 @@ use super::space::RenderSpace;
 use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, PoolOrder, Record};
+use crate::gpu::Quirks;
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::{Aim, Camera, Scene};
 use crate::settings::units::Gate;
@@ -152,13 +153,14 @@ pub struct Plan {
 }
 
 impl Plan {
-    pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Plan> {
+    /// `quirks`: those of the device that will render.
+    pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene, quirks: Quirks) -> Result<Plan> {
         let emitters = &prepared.emitters;
         if !emitters.has_connectable() && settings.missed_lights(scene).next().is_some() {
             return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies() == Strategies::All;
-        let choice = Choice::new(scene, settings, prepared)?;
+        let choice = Choice::new(scene, settings, prepared, quirks)?;
         let estimator = choice.record(settings.responses());
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;

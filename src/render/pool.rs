@@ -353,6 +353,7 @@ mod tests {
     use super::*;
     use crate::estimators::Estimator;
     use crate::generate::{Kind, build};
+    use crate::gpu::Quirks;
     use crate::render::PreparedScene;
     use crate::settings::Settings;
 
@@ -361,7 +362,8 @@ mod tests {
         let scene = build(Kind::CornellBox);
         for (estimator, dropped) in [(Estimator::Lcs, 1), (Estimator::Bdpt, 0)] {
             let settings = Settings::builder().estimator(estimator).light_paths(2).build().unwrap();
-            let plan = Plan::new(&scene, &settings, &PreparedScene::new(&scene, &settings).unwrap()).unwrap();
+            let prepared = PreparedScene::new(&scene, &settings).unwrap();
+            let plan = Plan::new(&scene, &settings, &prepared, Quirks::NONE).unwrap();
             let mut pool = LightPool::default();
             for power in [1.0, f32::INFINITY] {
                 pool.push(0, &PathVertex { throughput: [power; 3], ..Zeroable::zeroed() }, 8);

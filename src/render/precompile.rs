@@ -43,7 +43,8 @@ mod tests {
             if !device.keeps_kernels() {
                 return;
             }
-            compile_all(&device, &Plan::new(&scene, &settings, &prepared).unwrap()).unwrap();
+            let plan = Plan::new(&scene, &settings, &prepared, device.info().quirks).unwrap();
+            compile_all(&device, &plan).unwrap();
             let compiled = device.kernels_kept();
             let mut renderer = Renderer::from_prepared(&device, &scene, &settings, &prepared).unwrap();
             renderer.iterate(1).unwrap();

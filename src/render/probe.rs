@@ -120,7 +120,7 @@ pub(super) fn observer(
     settings: &Settings,
     prepared: &PreparedScene,
 ) -> Result<Renderer> {
-    let mut plan = Plan::new(scene, settings, prepared)?;
+    let mut plan = Plan::new(scene, settings, prepared, device.info().quirks)?;
     plan.observe = Observe::Times;
     Renderer::from_plan(device, plan, [1, 1], scene, prepared)
 }

@@ -63,7 +63,7 @@ impl StrategyImages {
     ) -> Result<StrategyImages> {
         StrategyImages::check(settings)?;
         let [width, height] = [settings.crop().width(), settings.crop().height()];
-        let mut plan = Plan::new(scene, settings, prepared)?;
+        let mut plan = Plan::new(scene, settings, prepared, device.info().quirks)?;
         plan.observe = Observe::Strategies;
         let strategies = strategies(settings, plan.estimator.ellipsoids != Ellipsoids::None);
         check_memory(settings, strategies.len())?;

@@ -58,7 +58,7 @@ impl Sampling {
 /// Whether `lcs` also forms ellipsoidal connections. The mean of the image does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum UseEllipsoids {
-    /// In gates so thin that they pay off.
+    /// In gates so thin that they pay off; on the driver SwiftShader never, because it takes minutes to compile the kernel.
     Auto,
     /// In any gate.
     On,

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::estimators::Record;
+use crate::gpu::Quirks;
 use crate::render::prepared_scene::PreparedScene;
 use crate::scene::Scene;
 use crate::settings::units::Gate;
@@ -27,10 +28,14 @@ pub struct Choice {
 
 impl Choice {
     /// Fails if `--ellipsoids on` meets participating media, or responses that need the record for histograms.
-    pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Choice> {
+    pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene, quirks: Quirks) -> Result<Choice> {
         let has_media = !prepared.media.list.is_empty();
         let ellipsoids = match settings.ellipsoids() {
-            UseEllipsoids::Auto if has_media || settings.strategies() == Strategies::Paper => Some(false),
+            UseEllipsoids::Auto
+                if has_media || settings.strategies() == Strategies::Paper || quirks.slow_ellipsoids =>
+            {
+                Some(false)
+            }
             UseEllipsoids::Auto => None,
             UseEllipsoids::On if has_media => {
                 return Err(Error::Settings(
