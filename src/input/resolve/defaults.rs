@@ -5,7 +5,7 @@ use crate::scene::{DensityGrid, Light, Material, Medium, Scene};
 use crate::settings::units::Gate;
 use crate::settings::*;
 
-/// A gate is wide if its width is larger than this fraction of the scene's diagonal.
+/// A gate is wide if its width is larger than this fraction of the scene's [`size`].
 const WIDE_GATE: f64 = 0.4;
 
 /// The gate that decides the default estimator. It is the widest of the gates, because `lcs` suits each of them, however long they
@@ -18,7 +18,7 @@ pub(super) fn decisive(responses: &Responses, scene: &Scene, is_scan: bool) -> G
 /// The default estimator for this gate, this scene and these emitters.
 pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
     let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
-    let width = if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
+    let width = if gate != Gate::OPEN && gate.hi - gate.lo <= WIDE_GATE * size(scene, gate) {
         GateWidth::Narrow
     } else if gate == Gate::OPEN {
         GateWidth::Open
@@ -29,20 +29,26 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
         gate: width,
         focuses_light: focuses_light(scene),
         has_beam: scene.lights.iter().any(is_beam),
-        fog: fog(scene),
+        fog: fog(scene, size(scene, gate)),
     })
 }
 
-/// Fog is thick from this mean number of scattering events on, along the diagonal of the fog, or of the scene if that is shorter
-/// (docs/notebook/no-gate.md).
+/// Length in metres that gates and fog are compared with: the diagonal of the scene. Fog that fills all space, without surfaces, has no
+/// diagonal. Light in the gate goes no further than the end of the gate.
+fn size(scene: &Scene, gate: Gate) -> f64 {
+    if scene.bounds().is_some() { scene.diagonal() } else { gate.hi }
+}
+
+/// Fog is thick from this mean number of scattering events on, along the diagonal of the fog, or along the scene's [`size`] if that is
+/// shorter (docs/notebook/no-gate.md).
 const THICK: f64 = 3.0;
 
 /// How much the media of the scene scatter. Media inside of meshes count as thin, because their size is not known here.
-fn fog(scene: &Scene) -> Fog {
+fn fog(scene: &Scene, size: f64) -> Fog {
     let scatters = |medium: &Medium| medium.sigma_s.iter().any(|&sigma| sigma > 0.0);
     let length = |medium: &Medium| {
         let diagonal = medium.extent().map_or(f64::INFINITY, |[lo, hi]| lo.distance(hi));
-        diagonal.min(scene.diagonal())
+        diagonal.min(size)
     };
     let events = |medium: &Medium| {
         let sigma = medium.sigma_s.into_iter().fold(0.0, f64::max);

@@ -417,3 +417,19 @@ fn the_default_estimator_depends_on_the_fog() {
     assert_eq!([0.0, 2.9, 3.1].map(|x| of(x / diagonal, steady)), [Estimator::Pt, Estimator::Bdpt, Estimator::Lcs]);
     assert_eq!([0.0, 2.9, 3.1].map(|x| of(x / diagonal, &wide)), [Estimator::Bdpt, Estimator::Bdpt, Estimator::Lcs]);
 }
+
+/// Fog that fills all space has no diagonal, and neither has a scene without surfaces.
+#[test]
+fn fog_without_surfaces_is_as_thick_as_the_gate_is_late() {
+    let of = |sigma: f64, toml: &str| {
+        let media = vec![Medium { sigma_s: [sigma; 3], ..Medium::default() }];
+        let mut foggy = Scene { media, cameras: scene().cameras, ..Scene::default() };
+        let kind = LightKind::Point { intensity: [1.0; 3] };
+        foggy.lights.push(Light { node: "bulb".into(), position: DVec3::ONE, direction: DVec3::NEG_Y, kind });
+        resolve(&experiment(toml), &foggy).unwrap().settings.estimator()
+    };
+    let wide = "gate.gate = '0m..10m'";
+    assert_eq!([0.29, 0.31].map(|sigma| of(sigma, wide)), [Estimator::Bdpt, Estimator::Lcs]);
+    assert_eq!([0.01, 0.31].map(|sigma| of(sigma, "gate.gate = '7m..10m'")), [Estimator::Lcs, Estimator::Lcs]);
+    assert_eq!([0.0, 0.01].map(|sigma| of(sigma, "")), [Estimator::Pt, Estimator::Lcs]);
+}
