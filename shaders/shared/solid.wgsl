@@ -19,9 +19,10 @@ fn solid_of(material: u32) -> u32 {
     return select(FIRST_INTERIOR + interior, CLEAR_SOLID, interior == NONE);
 }
 
-// Code of the solid around an emitter or the camera. `material`: that of the solid; NONE outside of solids.
+// Code of the solid around an emitter or the camera; without HAS_INTERIORS always OUTSIDE_SOLIDS. `material`: that of the solid; NONE
+// outside of solids.
 fn solid_around(material: u32) -> u32 {
-    if (!HAS_TRANSMISSION || material == NONE) {
+    if (!HAS_TRANSMISSION || !HAS_INTERIORS || material == NONE) {
         return OUTSIDE_SOLIDS;
     }
     return solid_of(material);

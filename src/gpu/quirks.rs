@@ -4,7 +4,8 @@
 
 use ash::vk;
 
-/// Known properties of a driver. Most fields set an override constant of kernels. The defaults are safe for an unknown driver.
+/// Known properties of a driver. All fields but `slow_ellipsoids` set an override constant of
+/// kernels. The defaults are safe for an unknown driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Quirks {
     /// Sine and cosine are accurate to the last digits of f32, while Vulkan guarantees an absolute error of 2^-11. If false,
@@ -15,7 +16,6 @@ pub struct Quirks {
     /// of the body loses its result.
     pub exit_at_top: bool,
     /// The kernel of ellipsoidal connections takes minutes to compile, so a render has such connections only if its settings demand them.
-    /// This sets no constant.
     pub slow_ellipsoids: bool,
 }
 

@@ -141,7 +141,8 @@ impl PreparedScene {
 
     /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
     /// far too large, and objects that are far too distant. They also name a lamp at the pinhole in fog, lamps in the plane of another
-    /// surface, and density grids that lose thin parts. Or they say that some lamps were not looked for inside of glass.
+    /// surface, and density grids that lose thin parts. Or they say that the
+    /// search for the glass around lamps was stopped.
     pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
@@ -166,8 +167,8 @@ impl PreparedScene {
     }
 }
 
-const UNPLACED: &str = "the scene has so many lamps in the boxes around its glass, and the glass has so many triangles, that some of \
-                        these lamps count as being outside of the glass; if they are inside, divide the glass into smaller meshes";
+const UNPLACED: &str = "the search for the glass around lamps was stopped, because there are too many lamps and triangles of glass; some \
+                        lamps count as being outside of glass; if they are inside, use fewer lamps, or glass with fewer triangles";
 
 /// Bounding box, in render space, of the points where camera rays start.
 fn sensor(camera: &Camera, settings: &Settings, space: &RenderSpace) -> Box3 {

@@ -1,5 +1,5 @@
-//! Which piece of glass a lamp or the camera is inside of. Subpaths that start there need its index of refraction and its medium.
-//! Elsewhere, subpaths find out in what solid they are where they meet its surface.
+//! Which piece of glass the camera or a lamp is inside of. Subpaths that start there need its index of refraction and its medium.
+//! Other subpaths learn these where they meet the surface of the glass.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -11,9 +11,13 @@ use super::geometry::Geometry;
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{NONE, Triangle};
 
-/// The closed pieces of glass of a scene, in render space. Null boundaries are none: rays find the media inside of them by themselves.
+/// The instances of glass in a scene, in render space. Null boundaries do not count, because rays find the media inside of them without
+/// help.
 #[derive(Default)]
 pub struct Solids(Vec<Solid>);
+
+/// Work of a triangle, relative to that of a box.
+const TRIANGLE_STEPS: usize = 16;
 
 /// All triangles of one instance.
 struct Solid {
@@ -27,6 +31,9 @@ struct Solid {
 
 impl Solids {
     pub fn new(geometry: &Geometry) -> Solids {
+        if !geometry.features.transmission {
+            return Solids::default();
+        }
         let mut by_instance: BTreeMap<u32, Solid> = BTreeMap::new();
         let transmits = |t: &&Triangle| {
             let material = &geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize];
@@ -40,6 +47,10 @@ impl Solids {
         Solids(by_instance.into_values().collect())
     }
 
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Material of the glass around `point`, an index in [`Geometry::materials`]; NONE outside of glass. Where pieces of glass are
     /// nested, the smallest one around the point counts. If its surface faces inwards, it is a hole, so the point is outside.
     pub fn material_at(&self, point: Vec3) -> u32 {
@@ -47,8 +58,8 @@ impl Solids {
         self.material_within(point, &mut steps)
     }
 
-    /// As [`Solids::material_at`], with a limit on the work. Each box and each triangle that is looked at takes one from `steps`. If there
-    /// are not enough left, the result is NONE and `steps` becomes 0.
+    /// As [`Solids::material_at`], with a limit on the work. Each box around glass takes one from `steps`, and each triangle in a box around
+    /// the point takes [`TRIANGLE_STEPS`]. If there are not enough left, the result is NONE and `steps` becomes 0.
     pub fn material_within(&self, point: Vec3, steps: &mut usize) -> u32 {
         let mut spend = |count: usize| {
             let left = steps.checked_sub(count);
@@ -61,7 +72,7 @@ impl Solids {
         let mut around: Vec<&Solid> = self.0.iter().filter(|solid| solid.may_contain(point)).collect();
         around.sort_by(|a, b| a.hi.distance(a.lo).total_cmp(&b.hi.distance(b.lo)));
         for solid in around {
-            if !spend(solid.triangles.len()) {
+            if !spend(TRIANGLE_STEPS * solid.triangles.len()) {
                 return NONE;
             }
             let seen = solid.solid_angle(point);
@@ -85,8 +96,8 @@ impl Solid {
         point.cmpge(self.lo).all() && point.cmple(self.hi).all()
     }
 
-    /// Solid angle, in sr, of the directions from `point` in which the back of the surface is seen, minus those of its front. 4 pi in a
-    /// closed mesh that faces outwards, 0 outside of it.
+    /// Solid angle, in sr, of all triangles that `point` sees from behind, minus that of the triangles that it sees from the front: 4 pi
+    /// in a closed mesh that faces outwards, 0 outside of it.
     fn solid_angle(&self, point: Vec3) -> f64 {
         let of = |triangle: &[Vec3; 3]| solid_angle(triangle.map(|corner| (corner - point).as_dvec3()));
         self.triangles.par_iter().map(of).sum()
@@ -106,8 +117,8 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::generate::shapes::{icosphere, inside_out};
-    use crate::generate::stage::{camera, emitter, glass, material, mesh, place};
+    use crate::generate::shapes::{cuboid, icosphere, inside_out};
+    use crate::generate::stage::{add, camera, emitter, glass, material, mesh, place};
     use crate::render::prepared_scene::PreparedScene;
     use crate::scene::{Material, Scene};
     use crate::settings::Settings;
@@ -161,12 +172,26 @@ mod tests {
         assert_eq!((in_glass, table.len()), (table.len() / 2, 640));
     }
 
+    /// Glass that shines is not around its own light.
+    #[test]
+    fn light_leaves_the_front_of_shining_glass() {
+        for shape in [cuboid(DVec3::splat(-0.3), DVec3::splat(0.5)), icosphere(0.5, 1)] {
+            let mut scene = Scene::default();
+            let shade = material(&mut scene, Material { emission: [1.0; 3], ..glass("shade") });
+            add(&mut scene, "shade", shade, shape);
+            camera(&mut scene, DVec3::Z * 4.0, DVec3::ZERO, 0.5, [8, 8]);
+            let prepared = PreparedScene::new(&scene, &Settings::default()).unwrap();
+            assert!(!prepared.emitters.table.is_empty());
+            assert!(prepared.emitters.table.iter().all(|entry| entry.solid == NONE));
+        }
+    }
+
     /// There are three balls of glass. The smallest one around the point has 320 triangles.
     #[test]
     fn the_work_is_limited() {
         let prepared = balls(DVec3::Z * 4.0, DAffine3::IDENTITY);
         let point = prepared.space.point(DVec3::Z * 0.35);
-        for (mut steps, found, left) in [(322, false, 0), (323, true, 0), (1000, true, 677)] {
+        for (mut steps, found, left) in [(5122, false, 0), (5123, true, 0), (6000, true, 877)] {
             let material = prepared.solids.material_within(point, &mut steps);
             assert_eq!((material != NONE, steps), (found, left));
         }

@@ -62,7 +62,7 @@ pub enum Way {
     OneByOne,
     /// As `OneByOne`, of light that scatters once.
     ScatteredOnce,
-    /// As `OneByOne`, with ellipsoidal connections. Only for estimators that have them in thin gates.
+    /// As `OneByOne`, in a gate so thin that the estimator forms ellipsoidal connections. Only for estimators that do so.
     Ellipsoids,
     /// All gates at once: a response for each of them.
     AtOnce,
@@ -216,9 +216,8 @@ impl Case {
     fn settings(&self, method: Method) -> Result<Settings> {
         let few = "light-paths = 2000";
         match self.way {
-            Way::OneByOne => method.settings(&self.scene, few),
+            Way::OneByOne | Way::Ellipsoids => method.settings(&self.scene, few),
             Way::ScatteredOnce => method.settings(&self.scene, &format!("{few}\nmax-depth = 2")),
-            Way::Ellipsoids => method.settings(&self.scene, &format!("{few}\nellipsoids = 'on'")),
             Way::AtOnce => method.settings(&self.scene, few)?.change().responses(self.responses()?).build(),
         }
     }

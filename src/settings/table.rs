@@ -280,7 +280,8 @@ table! {
         importance: Importance = |_| Importance::ALL, Setting::sampling("importance", "NAME,...").only_for(Estimator::by_importance);
 
         /// For lcs: ellipsoidal connections, which find light in the thinnest gates: auto, on or off. With auto they are on in gates below
-        /// 0.04 % of the scene's diagonal and of their own end, without participating media. The mean image is the same [default: auto]
+        /// 0.04 % of the scene's diagonal and of their own end, without participating media, but not on the driver SwiftShader. The mean
+        /// image is the same [default: auto]
         ellipsoids: UseEllipsoids = |_| UseEllipsoids::Auto, Setting::sampling("ellipsoids", "auto|on|off").only_for(Estimator::by_importance);
 
         /// Distribution of samples over the image: uniform, or adaptive (more samples for pixels with more error so far)

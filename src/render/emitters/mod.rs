@@ -17,7 +17,7 @@ use super::space::RenderSpace;
 use crate::scene::{Light, Medium, Scene, SkyImage, surrounding_indices};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{Emitter, NONE, PathVertex};
+use crate::wgsl::layout::{Emitter, NONE, PathVertex, Triangle};
 use light::{LightRecord, Sphere};
 use power::Powers;
 pub use sky::table as sky_table;
@@ -43,7 +43,7 @@ pub struct EmitterSet {
     pub has_distant: bool,
     /// The sky for the kernels (`shaders/shared/sky.wgsl`); empty if there is none.
     pub sky: Vec<[u32; 4]>,
-    /// Whether the work of finding the glass around each emitter was too much, so that some count as being outside of glass.
+    /// Whether the search for the glass around emitters was stopped, so that some count as being outside of glass.
     pub has_unplaced: bool,
     /// Luminance-weighted power in W of every node that emits, by node name. A sun or a sky has none.
     pub powers: BTreeMap<String, f64>,
@@ -181,16 +181,19 @@ impl EmitterSet {
         }
     }
 
-    /// Sets the glass around each emitter. All triangles of an instance are in the same glass as the first of them.
+    /// Sets the glass around each emitter. All triangles of an instance are in the same glass as the front of the first of them.
     fn place_in_solids(&mut self, geometry: &Geometry, solids: &Solids) {
         let mut steps = MAX_STEPS;
+        if solids.is_empty() {
+            self.table.iter_mut().for_each(|entry| entry.solid = NONE);
+            return;
+        }
         let mut by_instance = HashMap::new();
         for entry in &mut self.table {
             entry.solid = match entry.kind {
                 EMITTER_TRIANGLE => {
                     let t = &geometry.triangles[entry.triangle as usize];
-                    let centre = [t.v0, t.v1, t.v2].into_iter().map(Vec3::from).sum::<Vec3>() / 3.0;
-                    *by_instance.entry(t.instance).or_insert_with(|| solids.material_within(centre, &mut steps))
+                    *by_instance.entry(t.instance).or_insert_with(|| solids.material_within(in_front_of(t), &mut steps))
                 }
                 EMITTER_SUN | EMITTER_SKY => NONE,
                 _ => solids.material_within(entry.position.into(), &mut steps),
@@ -209,8 +212,18 @@ impl EmitterSet {
     }
 }
 
-/// Maximum number of triangles to look at for the glass around emitters, about a second of work.
-const MAX_STEPS: usize = 1 << 26;
+/// Maximum number of steps of the search for the glass around emitters, see [`Solids::material_within`].
+const MAX_STEPS: usize = 1 << 30;
+
+/// A point just in front of a triangle. The triangle itself may belong to glass that shines.
+fn in_front_of(t: &Triangle) -> Vec3 {
+    let [a, b, c] = [t.v0, t.v1, t.v2].map(Vec3::from);
+    let side = if t.material & TRIANGLE_MIRRORED != 0 { -1.0 } else { 1.0 };
+    let normal = side * (b - a).cross(c - a).normalize_or_zero();
+    // Further away than rounding errors of the coordinates.
+    let distance = a.abs().max(b.abs()).max(c.abs()).max_element() / (1 << 16) as f32;
+    (a + b + c) / 3.0 + distance * normal
+}
 
 /// Smallest share of the light subpaths that start at beams, if there are any. No other strategy finds the light of a beam, so the light
 /// of a weak beam beside a strong lamp would rest on very few subpaths.
