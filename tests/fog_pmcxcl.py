@@ -19,8 +19,8 @@ Each line shows a gate, both fluences per unit of area, their ratio, and its sta
 taugate: pinhole cameras of 90 degrees look in all directions. The fluence is the sum over the pixels of radiance times solid angle.
 pmcxcl: a grid of voxels, so large that no photon comes back from outside within the gates. A polynomial, fitted to the voxels near
 the place of the camera, gives the fluence there. pmcxcl counts the whole way through a voxel at the time when the photon leaves it.
-This is too late by LAG voxels on average, the mean distance from a random point of a cube to its surface in a random direction
-(scattering in the voxel is neglected). So its gates begin later by this distance.
+This is too late by LAG voxels on average. LAG is the mean distance from a random point of a cube to its surface in a random
+direction; scattering in the voxel is neglected. So the gates of pmcxcl begin later by this distance.
 
 Exit code 0: all ratios differ from 1 by at most 2 % plus 2 standard errors, and each standard error is at most 1.5 %. Exit code 1:
 otherwise. If pmcxcl or numpy is not installed, the script prints a note and exits with 0. With pmcxcl 0.7.5 it takes half an hour

@@ -96,16 +96,16 @@ impl Solid {
         point.cmpge(self.lo).all() && point.cmple(self.hi).all()
     }
 
-    /// Solid angle, in sr, of all triangles that `point` sees from behind, minus that of the triangles that it sees from the front: 4 pi
-    /// in a closed mesh that faces outwards, 0 outside of it.
+    /// Solid angle in sr of all triangles, seen from `point`. Triangles that are seen from the front count as negative. The result is 4 pi
+    /// in a closed mesh that faces outwards, and 0 outside of it.
     fn solid_angle(&self, point: Vec3) -> f64 {
         let of = |triangle: &[Vec3; 3]| solid_angle(triangle.map(|corner| (corner - point).as_dvec3()));
         self.triangles.par_iter().map(of).sum()
     }
 }
 
-/// Solid angle of a triangle seen from the origin, in sr: positive if it is seen from behind, where its corners run clockwise (van
-/// Oosterom and Strackee 1983).
+/// Solid angle in sr of a triangle, seen from the origin (van Oosterom and Strackee 1983). Positive if it is seen from behind, where its
+/// corners run clockwise.
 fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     let (la, lb, lc) = (a.length(), b.length(), c.length());
     let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;

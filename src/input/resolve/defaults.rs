@@ -39,8 +39,8 @@ fn size(scene: &Scene, gate: Gate) -> f64 {
     if scene.bounds().is_some() { scene.diagonal() } else { gate.hi }
 }
 
-/// Fog is thick from this mean number of scattering events on, along the diagonal of the fog, or along the scene's [`size`] if that is
-/// shorter (docs/notebook/no-gate.md).
+/// Fog is thick from this mean number of scattering events on (docs/notebook/no-gate.md). They count along the diagonal of the fog, or
+/// along the scene's [`size`] if that is shorter.
 const THICK: f64 = 3.0;
 
 /// How much the media of the scene scatter. Media inside of meshes count as thin, because their size is not known here.
