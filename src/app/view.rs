@@ -89,6 +89,7 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
         inbox,
         sender: sender.clone(),
         waiting: VecDeque::new(),
+        unanswered: vec![],
         stop: Arc::default(),
         input,
         is_whole,

@@ -171,7 +171,11 @@ impl Client<'_> {
                     Event::Received(message) => self.receive(message, &answers_of_page)?,
                     Event::Sent => self.sending = None,
                 },
-                Some(answer) = answers.recv(), if is_idle => self.send_text(answer).await?,
+                Some(answer) = answers.recv(), if is_idle => {
+                    // The page must know the settings before the answer to their change.
+                    self.send_texts().await?;
+                    self.send_text(answer).await?;
+                }
                 _ = published.changed(), if is_idle => {}
                 () = sleep_until(wake) => self.check_times().await?,
                 _ = ended.changed() => return Err(End::Close(GOING_AWAY, "the program ends")),
@@ -271,7 +275,7 @@ impl Client<'_> {
             }
             Ok(Request::Pause { on }) => drop(self.command(Command::Pause(on), page)),
             Ok(Request::Save { name }) => drop(self.command(Command::Save { name, page: page.clone() }, page)),
-            Ok(Request::Set { changes }) => self.set(changes, page),
+            Ok(Request::Set { changes, number }) => self.set(changes, number, page),
         }
         Ok(())
     }
@@ -284,12 +288,15 @@ impl Client<'_> {
     }
 
     /// Passes changes to the engine and asks it to end the present iteration. Changes with a typing error are refused and end nothing.
-    fn set(&self, changes: BTreeMap<String, Change>, page: &Answers) {
-        if let Some(error) = stage::typing_error(&changes) {
-            return page.send(&Report::Problem { message: error.to_string() });
+    fn set(&self, changes: BTreeMap<String, Change>, number: u32, page: &Answers) {
+        let error = stage::typing_error(&changes);
+        if let Some(error) = &error {
+            page.send(&Report::Problem { message: error.to_string() });
         }
-        if self.command(Command::Set { changes, page: page.clone() }, page) {
+        if error.is_none() && self.command(Command::Set { changes, number, page: page.clone() }, page) {
             self.shared.stop.store(true, Ordering::SeqCst);
+        } else {
+            page.send(&Report::Answered { number });
         }
     }
 

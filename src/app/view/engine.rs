@@ -47,6 +47,8 @@ const TEV_RETRY: Duration = Duration::from_secs(2);
 pub enum Command {
     Set {
         changes: BTreeMap<String, Change>,
+        /// See [`Report::Answered`].
+        number: u32,
         page: Answers,
     },
     Pause(bool),
@@ -78,6 +80,8 @@ pub struct Engine {
     pub sender: SyncSender<Command>,
     /// Commands that came out of `inbox` during an iteration, and must wait until it is over.
     pub waiting: VecDeque<Command>,
+    /// Changes that are not answered yet: their pages and numbers.
+    pub unanswered: Vec<(Answers, u32)>,
     /// Set with each change of the image, so that the present preview is abandoned.
     pub stop: Arc<AtomicBool>,
     /// The file that the user named.
@@ -153,15 +157,17 @@ impl Engine {
                 self.publish_state(false, true);
             }
             Command::Save { name, page } => page.send(&self.save(&name)),
-            Command::Set { changes, page } => {
+            Command::Set { changes, number, page } => {
                 let mut total = change(&mut self.stage, &changes, &page);
+                self.unanswered.push((page, number));
                 // Changes that came meanwhile begin one render together.
                 while let Some(command) = self.waiting.pop_front().or_else(|| self.inbox.try_recv().ok()) {
-                    let Command::Set { changes, page } = command else {
+                    let Command::Set { changes, number, page } = command else {
                         self.waiting.push_front(command);
                         break;
                     };
                     total = sum(total, change(&mut self.stage, &changes, &page));
+                    self.unanswered.push((page, number));
                 }
                 self.follow(total);
             }
@@ -170,12 +176,16 @@ impl Engine {
         Next::Step
     }
 
-    /// Acts on the effect of changes that the stage has accepted, if any.
+    /// Acts on the effect of changes that the stage has accepted, if any, and answers all changes.
     fn follow(&mut self, effect: Option<Effect>) {
         match effect {
             None => {}
             Some(Effect::Nothing) => self.publish_state(false, true),
             Some(effect) => self.begin(effect),
+        }
+        // The board now has the new state.
+        for (page, number) in self.unanswered.drain(..) {
+            page.send(&Report::Answered { number });
         }
     }
 

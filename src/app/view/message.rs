@@ -11,8 +11,12 @@ use serde_json::Value as Json;
 pub enum Request {
     /// The first message, with the token of the address.
     Hello { token: String },
-    /// Changes settings by the names of their flags: all of them or, if one fails, none.
-    Set { changes: BTreeMap<String, Change> },
+    /// Changes settings by the names of their flags: all of them or, if one fails, none. `number` counts such messages of the page.
+    Set {
+        changes: BTreeMap<String, Change>,
+        #[serde(default)]
+        number: u32,
+    },
     /// Pauses the render, or goes on.
     Pause { on: bool },
     /// The picture that this page wants to see.
@@ -80,6 +84,10 @@ pub enum Report {
     },
     Saved {
         files: Vec<String>,
+    },
+    /// The changes of [`Request::Set`] up to this number are in the newest state, or were refused.
+    Answered {
+        number: u32,
     },
     /// A request failed and changed nothing.
     Problem {

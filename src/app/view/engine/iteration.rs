@@ -33,8 +33,9 @@ impl Engine {
             while let Ok(command) = self.inbox.recv() {
                 match command {
                     Command::IterationOver => break,
-                    Command::Set { changes, page } if self.waiting.is_empty() => {
+                    Command::Set { changes, number, page } if self.waiting.is_empty() => {
                         total = sum(total, change(&mut self.stage, &changes, &page));
+                        self.unanswered.push((page, number));
                         if total.is_some_and(|effect| effect != Effect::Nothing) {
                             abandon();
                         }

@@ -5,7 +5,8 @@ import { makePlay } from './play.js';
 import { makeTimeline } from './timeline.js';
 import { UNITS, describeGate, gateChange, gatesChange, inUnit, niceStep, parseTravelTime } from './units.js';
 
-/** After this time (ms) without a change on this page, the page follows the gate of the program again. */
+/** After this time (ms) without a change on this page, and without a change that waits for its answer, the page follows the gate of
+ * the program again. */
 const SETTLE = 500;
 
 /** `onBin` is called with the number of the response that this page wants to see. */
@@ -122,7 +123,7 @@ export function makeGate(link, { onBin, onProblem }) {
     const isOther = responses.length !== model.bins.length;
     model.bins = responses;
     if (responses.length > 1) fill(byId('gate-count'), responses.length);
-    const isBusy = timeline.isDragging() || performance.now() - touched < SETTLE;
+    const isBusy = timeline.isDragging() || link.isChanging() || performance.now() - touched < SETTLE;
     if (!isBusy) {
       const first = responses[0];
       const whole = [first.lo, Math.max(...responses.map(({ hi }) => hi ?? Infinity))];
@@ -189,6 +190,7 @@ export function makeGate(link, { onBin, onProblem }) {
 
   link.on('state', followState);
   link.on('problem', () => { touched = -Infinity; settle(); });
+  link.on('answered', settle);
   link.on('progress', () => { if (performance.now() - touched > SETTLE && performance.now() - touched < 4 * SETTLE) settle(); });
   link.on('arrivals', message => {
     offered = message.presets;

@@ -12,6 +12,8 @@ const SHOW_EVERY = 40;
 /** If nothing arrives for this time (ms), the connection is dead. The program shows a sign of life every 30 s. */
 const SILENCE = 75000;
 const LOOK_EVERY = 5000;
+/** After this time (ms), the page no longer waits for the answer to a change. */
+const ANSWER_WITHIN = 10000;
 /** A large picture that the program has announced may take this time (ms) per byte. Also in client.rs. */
 const PER_BYTE = 0.016;
 
@@ -33,6 +35,10 @@ export function openLink(token) {
   let timer = 0;
   let heard = 0;
   let patience = SILENCE;
+  // Changes of settings: how many were sent, up to which number they are answered, and when the last one was sent.
+  let sent = 0;
+  let answered = 0;
+  let sentAt = -Infinity;
 
   const emit = (kind, value) => {
     for (const handler of handlers.get(kind) ?? []) handler(value);
@@ -43,7 +49,10 @@ export function openLink(token) {
     return true;
   };
 
-  const set = throttle(SET_EVERY, changes => send({ do: 'set', changes }));
+  const set = throttle(SET_EVERY, changes => {
+    sentAt = performance.now();
+    if (send({ do: 'set', changes, number: sent + 1 })) sent += 1;
+  });
   const pixel = throttle(PIXEL_EVERY, place => send({ do: 'pixel', ...place }));
   const show = throttle(SHOW_EVERY, what => send({ do: 'show', ...what }));
 
@@ -65,6 +74,7 @@ export function openLink(token) {
       }
       const message = JSON.parse(data);
       if (message.is === 'alive') patience += PER_BYTE * message.bytes;
+      if (message.is === 'answered') answered = message.number;
       if (message.is === 'welcome') {
         pause = FIRST_PAUSE;
         emit('connection', { open: true, text: 'Connected', canRetry: false });
@@ -75,6 +85,7 @@ export function openLink(token) {
       if (socket !== mine) return;
       socket = null;
       for (const waiting of [set, pixel, show]) waiting.forget();
+      answered = sent;
       if (ENDINGS[code]) {
         emit('connection', { open: false, text: ENDINGS[code], canRetry: code !== 4401 });
         return;
@@ -102,6 +113,8 @@ export function openLink(token) {
     connect,
     /** Changes settings, with at most ten messages per second. The last value is always sent. */
     set: changes => set.merge(changes),
+    /** Whether a change is still without an answer. The newest state may not contain it. */
+    isChanging: () => set.isWaiting() || (answered < sent && performance.now() - sentAt < ANSWER_WITHIN),
     /** Asks for the values of a pixel, at most ten times per second. Of questions in between, only the last one is sent. */
     pixel: (x, y) => pixel.merge({ x, y }),
     /** Says what this page wants to see. */
@@ -138,6 +151,7 @@ function throttle(period, deliver) {
       if (rest <= 0) flush();
       else timer ||= setTimeout(flush, rest);
     },
+    isWaiting: () => waiting !== null,
     forget() {
       clearTimeout(timer);
       timer = 0;

@@ -2,7 +2,8 @@
 
 import { CAMERA_RESET, cameraChange, cameraOf, move, viewHeight } from './camera.js';
 
-/** After this time (ms) without a movement, the page follows the camera of the program again. */
+/** After this time (ms) without a movement, and without a change that waits for its answer, the page follows the camera of the program
+ * again. */
 const SETTLE = 500;
 /** Flying speed in heights of the view per second, and the factor by which Shift multiplies it. */
 const SPEED = 0.7;
@@ -44,10 +45,14 @@ export function makeSteering(link) {
   }
 
   let latest = null;
+  const follow = () => {
+    if (!link.isChanging() && performance.now() - moved > SETTLE) camera = latest;
+  };
   link.on('state', state => {
     latest = cameraOf(state);
-    if (performance.now() - moved > SETTLE) camera = latest;
+    follow();
   });
+  link.on('answered', follow);
   // The program may have refused the camera, so go back to its newest camera.
   link.on('problem', () => { camera = latest; });
 

@@ -162,7 +162,7 @@ fn malformed_messages_are_survived() {
     let (mut accepted, mut refused, mut unread) = (0, 0, 0);
     for _ in 0..100_000 {
         match Request::parse(&mutated(&mut random)) {
-            Ok(Request::Set { changes }) => match stage.change(&changes) {
+            Ok(Request::Set { changes, .. }) => match stage.change(&changes) {
                 Ok(_) => accepted += 1,
                 Err(_) => refused += 1,
             },
