@@ -33,9 +33,9 @@ def by_mitransient(scene, spp, seed):
     return image, time.time() - start
 
 
-def by_taugate(program, folder, seconds, seed):
-    scene, output = os.path.join(folder, "box.gltf"), os.path.join(folder, "image.exr")
-    box.write_gltf(scene)
+def by_taugate(program, scene, seconds, seed):
+    """The image."""
+    output = os.path.join(os.path.dirname(scene), "image.exr")
     bounds = ",".join(str(x) for corner in box.FOG_BOX for x in corner)
     subprocess.run([program, "render", scene, "-o", output, "--gate", f"{box.FIRST}m..{box.LAST}m", "--estimator", "lcs",
                     "--resolution", f"{box.SIZE}x{box.SIZE}", "--time", f"{seconds}s", "--seed", str(seed), "--max-depth", "64",
@@ -63,8 +63,10 @@ def main():
     spp = max(16, int(arguments.time * 128 / max(long - short, 1e-3)))
     theirs, seconds = zip(*(by_mitransient(scene, spp, 10 + seed) for seed in range(arguments.seeds)))
     with tempfile.TemporaryDirectory() as folder:
-        by_taugate(arguments.binary, folder, 1, 0)  # Compiles.
-        ours = np.array([by_taugate(arguments.binary, folder, arguments.time, 10 + seed) for seed in range(2 * arguments.seeds)])
+        scene = os.path.join(folder, "box.gltf")
+        box.write_gltf(scene)
+        by_taugate(arguments.binary, scene, 1, 0)  # Compiles.
+        ours = np.array([by_taugate(arguments.binary, scene, arguments.time, 10 + seed) for seed in range(2 * arguments.seeds)])
     theirs, reference = np.array(theirs), ours.mean(axis=0)
     there, here = errors(theirs, reference), errors(ours[: arguments.seeds], reference)
     print(f"mitransient: {np.mean(seconds):.1f} s, {spp} samples per pixel, mean {theirs.mean():.4e}, "

@@ -68,7 +68,7 @@ DEPTH = 1.0  # Of lamp and camera below the surface of the half-space.
 REACH = (LAST + 4.0) / 2  # No light that went further is back within the gates.
 LIGHT = 2.99792458e11  # Speed of light in mm/s.
 VOXEL = 0.2  # The first light must have left the voxels of a fit before the first gate begins.
-LAG = 0.4484
+LAG = 0.4484  # In voxels; see above.
 SIDE = 32  # Pixels per side of an image.
 
 

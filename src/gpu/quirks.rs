@@ -4,8 +4,8 @@
 
 use ash::vk;
 
-/// Known properties of a driver. All fields but `slow_ellipsoids` set an override constant of
-/// kernels. The defaults are safe for an unknown driver.
+/// Known properties of a driver. All fields but `slow_ellipsoids` set an override constant of kernels. The defaults are
+/// safe for an unknown driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Quirks {
     /// Sine and cosine are accurate to the last digits of f32, while Vulkan guarantees an absolute error of 2^-11. If false,

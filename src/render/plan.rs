@@ -1,13 +1,14 @@
 //! The parameters of the kernels: the frame of an iteration (`shared/frame.wgsl`), and the constants that are fixed for a
 //! render.
 
+mod camera;
 mod choice;
 mod constants;
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::emitters::EmitterSet;
 use super::material::Features;
@@ -21,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, PoolOrder, Record};
 use crate::gpu::Quirks;
 use crate::lightcone::gate::rounding_allowance;
-use crate::scene::{Aim, Camera, Scene};
+use crate::scene::Scene;
 use crate::settings::units::Gate;
 use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
@@ -238,47 +239,6 @@ impl Plan {
         }
         plan.set(settings.seed(), settings.responses().clone());
         Ok(plan)
-    }
-
-    /// Whether [`Plan::set_camera`] can replace the camera by this one. Both must be of one kind (perspective, orthographic, aimed), with
-    /// equally many aimed rays. The new one must be near the one that the scene was prepared for (see [`RenderSpace::sensor`]).
-    pub fn takes(&self, camera: &Camera) -> bool {
-        let aims = camera.projection.aims().map_or(0, <[Aim]>::len);
-        let is_same_kind = camera.projection.is_orthographic() == self.is_orthographic && aims == self.aims;
-        is_same_kind && self.space.sensor(camera.transform.translation).is_some()
-    }
-
-    /// Replaces the camera by one that [`Plan::takes`]; the film keeps its size.
-    pub fn set_camera(&mut self, camera: &Camera) {
-        let is_taken = self.aim(camera);
-        debug_assert!(is_taken, "the caller asks `takes` first");
-        self.set(self.frame.seed, self.responses.clone());
-    }
-
-    /// Sets the camera's position, axes and view in the frame. Returns false and changes nothing if the camera is too far away.
-    fn aim(&mut self, camera: &Camera) -> bool {
-        let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
-        let frame = &mut self.frame;
-        frame.sensor = sensor.to_array();
-        frame.sensor_solid = self.solids.material_at(sensor);
-        let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
-        (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
-        let [width, height] = match self.aims {
-            0 => [frame.width, frame.height].map(f64::from),
-            _ => [1.0; 2],
-        };
-        let half_height = match self.is_orthographic {
-            false => camera.projection.half_height(),
-            true => self.space.length(camera.projection.half_height()),
-        };
-        let extent = [half_height * width / height, half_height];
-        frame.extent = extent.map(|x| x as f32);
-        frame.pixel_area = (4.0 * extent[0] * extent[1] / (width * height)) as f32;
-        let [x, y] = camera.principal_point;
-        frame.principal_offset = [(x - 0.5) * width, (y - 0.5) * height].map(|pixels| pixels as f32);
-        self.sensor_corners = camera.corners([frame.width, frame.height]).map(|corner| self.space.point(corner));
-        self.omitted = camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max);
-        true
     }
 
     /// Follows lights that have moved. `prepared` is the prepared scene that the plan was made for, after

@@ -141,8 +141,7 @@ impl PreparedScene {
 
     /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
     /// far too large, and objects that are far too distant. They also name a lamp at the pinhole in fog, lamps in the plane of another
-    /// surface, and density grids that lose thin parts. Or they say that the
-    /// search for the glass around lamps was stopped.
+    /// surface, and density grids that lose thin parts. Or they say that the search for the glass around lamps was stopped.
     pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;

@@ -76,6 +76,7 @@ impl Solids {
                 return NONE;
             }
             let seen = solid.solid_angle(point);
+            // More than three quarters of all directions, because small gaps in a mesh are common.
             if seen.abs() > 3.0 * PI {
                 return if seen > 0.0 { solid.material } else { NONE };
             }
@@ -123,8 +124,8 @@ mod tests {
     use crate::scene::{Material, Scene};
     use crate::settings::Settings;
 
-    /// A ball of glass of radius 1 around the origin, a smaller ball of other glass in it, a hole in the smaller ball, and a lamp
-    /// outside. The camera is at `eye`.
+    /// A ball of glass of radius 1 around the origin. It contains a lamp and a smaller ball of other glass, which has a hole. Another lamp
+    /// is outside. The camera is at `eye`.
     fn balls(eye: DVec3, transform: DAffine3) -> PreparedScene {
         let mut scene = Scene::default();
         let [outer, inner] = ["outer", "inner"].map(|name| material(&mut scene, glass(name)));

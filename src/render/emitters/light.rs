@@ -38,8 +38,8 @@ pub struct LightRecord {
     pub position: Vec3,
     pub radius: f32,
     /// The light as a light vertex, if its position can be connected to shade points. The vertex does not depend on random numbers,
-    /// so the pool stores it once. [`super::EmitterSet`] sets `owner`, `select_pdf` and `eta`, and the
-    /// code of the glass around the light in `flags`.
+    /// so the pool stores it once. [`super::EmitterSet`] sets `owner`, `select_pdf`, `eta`, and the code of the
+    /// glass around the light in `flags`.
     pub vertex: Option<PathVertex>,
     /// All subpaths begin with the same ray, so the vertices on that ray are deterministic too.
     pub is_thin: bool,
