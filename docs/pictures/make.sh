@@ -9,9 +9,9 @@
 # reference of the row takes 40 times as long, and 160 times at most.
 #
 # Environment: RESOLUTION of the images (640x360), CROP_RESOLUTION of the row (320x180), TAUGATE, the program
-# (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later, numpy and matplotlib (pip install pillow
-# numpy matplotlib). The pictures of the viewer need Debian's packages chromium and chromium-driver. Scenes, EXR files and
-# references stay in bench-pictures.
+# (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later, numpy, matplotlib, pytest and selenium
+# (pip install pillow numpy matplotlib pytest selenium). The pictures of the viewer need Debian's packages chromium and
+# chromium-driver. Scenes, EXR files and references stay in bench-pictures.
 set -euo pipefail
 
 seconds=${1:-600}
@@ -24,8 +24,8 @@ resolution=${RESOLUTION:-640x360}
 work=$root/bench-pictures
 
 [ -x "$taugate" ] || { echo "there is no program $taugate; run: cargo build --release" >&2; exit 2; }
-"$python" -c 'import PIL, numpy, matplotlib' 2>/dev/null ||
-    { echo "$python lacks a package; run: pip install pillow numpy matplotlib" >&2; exit 2; }
+"$python" -c 'import PIL, numpy, matplotlib, pytest, selenium' 2>/dev/null ||
+    { echo "$python lacks a package; run: pip install pillow numpy matplotlib pytest selenium" >&2; exit 2; }
 
 mkdir -p "$work"
 "$taugate" generate cluttered-room -o "$work/cluttered-room.glb"
@@ -82,7 +82,8 @@ fi
 
 # The page of the viewer, in the browser of the tests. A palette makes the files small.
 if [ "$seconds" != 0 ]; then
-    TAUGATE_PICTURES=$work cargo test --manifest-path "$root/tests/view/Cargo.toml" --release -- --ignored pictures
+    TAUGATE_PROGRAM=$taugate TAUGATE_PICTURES=$work \
+        "$python" -m pytest -q -p no:cacheprovider --noconftest "$root/python/tests/view/test_pictures.py"
     for name in view view-gates; do
         "$python" -c 'import sys; from PIL import Image; Image.open(sys.argv[1]).convert("RGB").quantize(256).save(sys.argv[2], optimize=True)' \
             "$work/$name.png" "$pictures/$name.png"

@@ -1,4 +1,4 @@
-//! `taugate view`, from the other end of its WebSocket. `tests/view` uses the page in a browser.
+//! `taugate view`, from the other end of its WebSocket. `python/tests/view` uses the page in a browser.
 
 #![cfg(unix)]
 
