@@ -16,6 +16,7 @@ mod kernel;
 mod pipeline;
 mod prune;
 mod quirks;
+mod reachable;
 mod read_back;
 mod recorder;
 pub mod shader;

@@ -6,7 +6,7 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::{bounds, prune, spirv, texels};
+use super::{bounds, prune, reachable, spirv, texels};
 use crate::error::{Error, Result};
 use crate::wgsl::SOURCES;
 
@@ -149,7 +149,7 @@ impl Source {
 pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
     let Source { path, text, entry, constants } = source;
     let mut composed = compose(path, text)?;
-    composed.text = texels::as_storage(&composed.text, storage);
+    composed.text = reachable::keep_reachable(&texels::as_storage(&composed.text, storage), entry);
     let (module, info) = composed.parse()?;
     let wanted: HashMap<String, f64> = constants
         .iter()
