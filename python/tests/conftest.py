@@ -17,6 +17,19 @@ PROGRAM = os.environ.get("TAUGATE_PROGRAM", ROOT / "target/release/taugate")
 SIZE = (32, 32)
 
 
+def pytest_collection_modifyitems(config, items):
+    """With several processes (`-n 2 --dist loadgroup`), one process runs the tests of a file. One process runs all tests of the page,
+    because their viewers run one after the other. They take longest, so they begin first."""
+    if config.pluginmanager.hasplugin("xdist"):
+        for item in items:
+            item.add_marker(pytest.mark.xdist_group("page" if is_of_page(item) else item.path.name))
+        items.sort(key=lambda item: not is_of_page(item))
+
+
+def is_of_page(item):
+    return item.path.parent.name == "view"
+
+
 @pytest.fixture(autouse=True)
 def interrupts():
     """Python ignores Ctrl-C in a background job of a shell. The tests send Ctrl-C, so this restores the handler."""
