@@ -16,13 +16,13 @@ fn a_lamp_that_is_not_as_bright_as_expected_is_found() {
     assert!(matches!(lamp::check(&device(), METHOD, almost).unwrap(), Verdict::Wrong(_)));
 }
 
-/// With two of the rooms. The command line's long test, `every_check_is_ok`, runs all methods and rooms.
+/// With one of the rooms. The command line's long test, `every_check_is_ok`, runs all methods and rooms.
 #[test]
 fn the_checks_of_a_method_are_right() {
     let method = Method { estimator: Estimator::Lcs, sampling: Sampling::Adaptive };
     let mut outcomes = vec![];
-    check_method(&device(), method, &means::cases()[..2], &mut |outcome| outcomes.push(outcome));
-    assert_eq!(outcomes.len(), 2 + means::cases()[..2].iter().map(|case| case.expected.len()).sum::<usize>());
+    check_method(&device(), method, &means::cases()[..1], &mut |outcome| outcomes.push(outcome));
+    assert_eq!(outcomes.len(), 2 + means::cases()[..1].iter().map(|case| case.expected.len()).sum::<usize>());
     for Outcome { name, verdict } in outcomes {
         assert!(matches!(verdict, Verdict::Right(_)), "{name}: {verdict:?}");
     }
@@ -31,7 +31,7 @@ fn the_checks_of_a_method_are_right() {
 /// Negative control: every expected mean is a fifth too large.
 #[test]
 fn means_off_by_a_fifth_are_found() {
-    means::cases()[..2].par_iter().for_each(|case| {
+    means::cases()[..1].par_iter().for_each(|case| {
         let settings = METHOD.settings(&case.scene, "light-paths = 2000").unwrap();
         let mut renderer = Renderer::new(&device(), &case.scene, &settings).unwrap();
         for expected_mean in &case.expected {

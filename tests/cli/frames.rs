@@ -12,6 +12,11 @@ use crate::{fails, folder, names, taugate};
 
 const SMALL: [&str; 8] = ["--resolution", "12x8", "--spp", "2", "--sampling", "uniform", "--light-paths", "500"];
 
+/// The pixels of a picture. From bytes in memory, because the decoders for open files would be compiled again for this test.
+fn rgb8(path: &Path) -> image::RgbImage {
+    image::load_from_memory(&std::fs::read(path).unwrap()).unwrap().into_rgb8()
+}
+
 fn with(scene: &str) -> tempfile::TempDir {
     let here = folder();
     assert!(taugate(here.path(), &["generate", scene, "-o", "scene.glb"]).status.success());
@@ -157,7 +162,7 @@ fn a_contact_sheet_shows_all_gates() {
         let (frames, sheet) = (format!("f#.{kind}"), format!("{kind}.png"));
         render(here.path(), &[&flags[..], &["-o", &frames, "--contact-sheet", &sheet]].concat());
     }
-    let picture = |name: &str| image::open(here.path().join(name)).unwrap().into_rgb8();
+    let picture = |name: &str| rgb8(&here.path().join(name));
     assert!(picture("exr.png") == picture("npy.png") && picture("exr.png") == picture("acc.png"));
     // `--exposure` is allowed if only the contact sheet has a picture.
     let bright = ["-o", "f#.exr", "--contact-sheet", "bright.png", "--exposure", "20"];
@@ -184,7 +189,7 @@ fn pictures_of_frames_have_one_exposure() {
         let exposures: Vec<&str> =
             message.lines().filter_map(|line| line.split_once(": exposure ")?.1.split(' ').next()).collect();
         assert_eq!(exposures.len(), 1, "{message}");
-        let image = |name: &str| image::open(here.join(name)).unwrap().into_rgb8();
+        let image = |name: &str| rgb8(&here.join(name));
         for (name, left) in [("f0.png", 0), ("f1.png", 12)] {
             let part = image::imageops::crop_imm(&image("sheet.png"), left, 0, 12, 8).to_image();
             assert!(image(name) == part, "{name} of {frames}");

@@ -70,6 +70,7 @@ fn a_card_renders_the_same_bits() {
 }
 
 #[test]
+#[ignore = "takes ten seconds; a room with an area light is tested always"]
 fn lights_without_area_are_the_same_bits_too() {
     for light in [Light::Punctual, Light::Beam] {
         assert_same(&build(Kind::Zoo(light)), &settings(Estimator::Bdpt, SIZE).build().unwrap(), &[Drive::CARD]);
@@ -119,6 +120,7 @@ fn a_card_waits_once_per_tile_and_allocates_nothing() {
 }
 
 #[test]
+#[ignore = "takes ten seconds; the images are tested always"]
 fn what_is_observed_is_the_same_on_a_card() {
     let scene = build(Kind::Zoo(Light::Punctual));
     let settings = settings(Estimator::Lcs, SIZE).gate(GATE).max_depth(6).light_paths(500).build().unwrap();

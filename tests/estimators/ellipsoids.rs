@@ -64,6 +64,7 @@ fn thin_gates_of_a_sphere(settings: &Settings, media: Vec<Medium>, widths: &[f64
 /// Abutting gates add up to the gate that covers both, for which `lcs` forms no ellipsoidal connections. The blocks of the room hide
 /// large parts of the ellipsoids.
 #[test]
+#[ignore = "takes ten seconds; thin gates of a sphere are tested always"]
 fn abutting_thin_gates_add_up_to_one() {
     let scene = build(Kind::CornellBox);
     let gates = [Gate { lo: 8.0, hi: 8.02 }, Gate { lo: 8.02, hi: 8.04 }];

@@ -104,6 +104,7 @@ fn light_that_scatters_once_in_the_gate_is_nearly_free_of_noise() {
 /// numbers this factor is the ratio of two images through a thin gate, pixel by pixel. Paths of three segments make no choice that
 /// depends on absorption. In the other estimators, absorption also ends light subpaths.
 #[test]
+#[ignore = "takes ten seconds; closed forms and a room with absorption are tested always"]
 fn absorption_is_a_factor_that_falls_with_travel_time() {
     let (sigma_a, [lo, hi]) = (0.3, [6.5, 6.5006]);
     let image = |sigma_a: f64| {
@@ -130,6 +131,7 @@ fn absorption_is_a_factor_that_falls_with_travel_time() {
 
 /// The phase function of fog droplets, and a table with a narrow forward peak and a peak backwards.
 #[test]
+#[ignore = "takes ten seconds; `parity` tests the phase functions always"]
 fn light_that_returns_from_droplets_and_tables_has_the_radiance_of_the_closed_form() {
     let lamp = DVec3::new(0.05, 0.0, 0.0);
     let droplets =
@@ -162,7 +164,7 @@ fn light_that_returns_from_droplets_and_tables_has_the_radiance_of_the_closed_fo
 /// A room with an area light. Droplets surround a box of fog whose phase function is a table.
 /// `cargo test --release --test estimators -- --ignored --nocapture rooms`
 #[test]
-#[ignore = "takes half a minute; the closed forms are tested always"]
+#[ignore = "takes half a minute; `parity` tests the phase functions always"]
 fn rooms_with_droplets_and_tables_agree_with_the_oracle() {
     let mut scene = foggy(Light::Area);
     scene.media[0].phase =

@@ -112,7 +112,7 @@ fn fog_before_empty_space_scatters_light() {
 /// Light through a layer of air in water. In this gate, light that crosses water alone is too late. Negative control: a lamp of twice
 /// the power.
 #[test]
-#[ignore = "takes ten seconds; light in clear water, and glass with media inside, are tested always"]
+#[ignore = "takes ten seconds; light that scatters in water, and glass with media inside, are tested always"]
 fn light_through_air_in_water_arrives_in_time() {
     let scene = |power: f64| {
         let mut scene = Scene { media: vec![Medium { ior: 1.33, group_ior: 1.33, ..fog(0.3) }], ..Scene::default() };

@@ -70,6 +70,7 @@ fn many_points_in_one_place_agree_with_the_closed_form() {
 
 /// Negative control: a truth that is off by 3 %, as if the probabilities of the lamps were wrong.
 #[test]
+#[ignore = "takes five seconds; the tests whose sensitivity it shows run always"]
 fn probabilities_off_by_three_percent_are_rejected() {
     for &estimator in if is_long() { &Estimator::ALL[..] } else { &[Estimator::Bdpt, Estimator::Lcs] } {
         let z = z_of_sphere(20, estimator, &GATES[1..2], 1.03)[0];
@@ -155,7 +156,7 @@ fn settings_under_test() -> [Settings; 4] {
 
 /// `cargo test --release --test estimators -- --ignored many_lamps`
 #[test]
-#[ignore = "takes ten seconds; dots of a projector are tested always"]
+#[ignore = "takes ten seconds; a hundred spot lights are tested always"]
 fn the_image_by_many_lamps_is_the_sum_of_images_by_few() {
     for (lamps, gate) in [(9, Gate::OPEN), (27, Gate { lo: 5.0, hi: 5.6 })] {
         let truth = sum_over_groups(lamps, gate);
@@ -211,6 +212,7 @@ fn queries_find_the_lamps_that_count() {
 
 /// A hundred beams of zero radius: each lights one point, and queries find the points near a shade point.
 #[test]
+#[ignore = "takes five seconds; a hundred spot lights are tested always"]
 fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
     let mut scene = room(0);
     for n in 0..100 {

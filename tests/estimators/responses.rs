@@ -37,6 +37,7 @@ fn separate(ends: &[[f64; 2]]) -> Responses {
 
 /// Two thin gates with a hole between them: a render leaves out the light of the hole. Each gate agrees with the closed form.
 #[test]
+#[ignore = "takes five seconds; every gate of a histogram is tested always"]
 fn gates_far_apart_agree_with_the_closed_form() {
     let responses = separate(&[[2.6, 2.8], [6.0, 6.4]]);
     assert_eq!(responses.hole(), Some(Gate { lo: 2.8, hi: 6.0 }));
@@ -110,6 +111,7 @@ fn add_up(scene: &Scene, settings: SettingsBuilder) -> usize {
 }
 
 #[test]
+#[ignore = "takes ten seconds; every gate is compared with the closed form always"]
 fn gates_add_up_to_the_whole() {
     // From emitters in view (s = 0) to long paths, with t = 1.
     let area = build(Kind::Zoo(Light::Area));
@@ -222,6 +224,7 @@ fn a_short_histogram_in_fog_has_the_light_of_bdpt() {
 }
 
 #[test]
+#[ignore = "takes five seconds; `determinism` and `drive` test this for one gate always"]
 fn tiles_and_drive_do_not_change_the_bits() {
     let scene = build(Kind::Zoo(Light::Area));
     let settings = binned(Estimator::Lcs, gates(5.0, 12.0, 20)).build().unwrap();

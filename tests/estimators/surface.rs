@@ -205,6 +205,7 @@ fn add_textured_coats(scene: &mut Scene, z: f64, roughness: f32) {
 
 /// Textures of one colour give the same image as factors, up to the rounding of texels to bytes.
 #[test]
+#[ignore = "takes five seconds; textures are compared with the oracle always"]
 fn constant_textures_are_factors() {
     let image_of = |scene: &Scene| {
         let settings = settings(Estimator::Bdpt, [24, 16]).max_depth(6).build().unwrap();
@@ -249,6 +250,7 @@ fn constant_textures_are_factors() {
 }
 
 #[test]
+#[ignore = "takes ten seconds; `parity` compares normal maps with the oracle always"]
 fn normal_maps_agree_with_the_oracle() {
     let scene = with_normal_map(zoo(Light::Area), bumps());
     let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
@@ -261,6 +263,7 @@ fn normal_maps_agree_with_the_oracle() {
 
 /// A map of (128, 128, 255) changes no bit of the image.
 #[test]
+#[ignore = "takes five seconds; `parity` tests flat normal maps always"]
 fn a_flat_normal_map_changes_nothing() {
     let image_of = |scene: &Scene| {
         let settings = settings(Estimator::Lcs, [24, 16]).max_depth(6).build().unwrap();
@@ -290,6 +293,7 @@ fn leaning(eye: DVec3, material: Material) -> Scene {
 /// A Lambert plane whose normal leans by the angle a reflects (1 + cos a) / 2 of the light to all viewers on the side of the
 /// normal: the rest would come from below the plane. Viewers on the other side see a flat plane, which loses nothing.
 #[test]
+#[ignore = "takes five seconds; `parity` compares normal maps with the oracle always"]
 fn a_leaning_normal_loses_no_more_than_the_light_from_below() {
     for (x, expected) in [(1.5, (1.0 + 0.5f64.sqrt()) / 2.0), (-1.5, 1.0)] {
         let scene = leaning(DVec3::new(x, 0.2, 0.6), diffuse("white", [1.0; 3]));
@@ -325,6 +329,7 @@ fn albedo(bsdf: &Bsdf, normal: DVec3, wo: DVec3) -> f64 {
 /// White furnace with a normal map: rough metal and plastic reflect the light from above that their lobes at the turned normal collect,
 /// and no more than arrives. Viewers behind the turned normal see a flat plane.
 #[test]
+#[ignore = "takes ten seconds; `parity` compares normal maps with the oracle always"]
 fn leaning_glossy_lobes_gain_nothing() {
     // The texel of `leaning`.
     let normal = (DVec3::new(218.0, 128.0, 218.0) / 127.5 - 1.0).normalize();

@@ -31,6 +31,7 @@ fn mean(scene: &Scene, estimator: Estimator, gate: Gate) -> f64 {
 }
 
 #[test]
+#[ignore = "takes ten seconds; light that scatters in water is tested always"]
 fn light_in_clear_water_arrives_later_by_the_group_index() {
     // Where the first light arrives, the image changes fast with time.
     let gate = [4.5, 4.9];
@@ -68,7 +69,7 @@ fn light_that_scatters_once_in_water_has_the_radiance_of_the_closed_form() {
 
 /// The room has glass, plastics and metals. `cargo test --release --test estimators -- --ignored --nocapture room`
 #[test]
-#[ignore = "takes half a minute; the closed form and the image in clear water are tested always"]
+#[ignore = "takes half a minute; light that scatters in water is tested always"]
 fn a_room_under_water_agrees_with_the_oracle() {
     let mut scene = zoo(Light::Area);
     let phase = PhaseFunction::HenyeyGreenstein { g: 0.7 };

@@ -48,6 +48,7 @@ fn alarms(pairs: u32, estimators: &[Estimator], samples: u32) -> [usize; 3] {
 }
 
 #[test]
+#[ignore = "takes five seconds; small errors are found always"]
 fn renders_of_the_same_agree() {
     let [significant, at_five_percent, pairs] = alarms(5, &[Estimator::Bdpt, Estimator::LcsPaper], 2);
     // Binomial distribution of 10 pairs: more than one alarm at 1e-3, or more than four at 5 %, have a probability below 1e-4.
@@ -87,6 +88,7 @@ fn small_errors_are_found() {
 /// Why cells record their own batches: pixels are correlated, so the variances of pixels add up to less than the variance of
 /// their cell.
 #[test]
+#[ignore = "takes five seconds; it shows why the map needs cells"]
 fn the_variances_of_pixels_are_not_enough() {
     let scene = build(Kind::CornellBox);
     let mut r = prepared(&scene, Estimator::LcsPaper);
