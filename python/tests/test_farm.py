@@ -27,8 +27,8 @@ SETTINGS = dict(resolution=SIZE, gate="5m..6m", light_paths=1000, sampling="unif
 
 @pytest.fixture(scope="module")
 def cluster():
-    # Few processes, because each of them compiles the kernels.
-    with distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=None, processes=True) as cluster:
+    # Few processes, because each of them compiles the kernels. Any free port: another process runs a cluster of the documentation.
+    with distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=":0", processes=True) as cluster:
         with distributed.Client(cluster) as client:
             yield client
 

@@ -9,16 +9,19 @@ use std::ops::Range;
 pub fn keep_reachable(text: &str, entry: &str) -> String {
     let declarations: Vec<Declaration> =
         declarations(text).into_iter().map(|range| Declaration::new(text, range)).collect();
-    let by_name: HashMap<&str, usize> =
-        declarations.iter().enumerate().filter_map(|(number, declaration)| Some((declaration.name?, number))).collect();
-    let Some(&first) = by_name.get(entry) else { return text.into() };
+    // If a name is declared twice, both declarations are kept, so that naga reports it.
+    let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
     // Whatever has no name is kept, and so is what it uses.
-    let mut open: Vec<usize> = (0..declarations.len()).filter(|&number| declarations[number].name.is_none()).collect();
-    open.push(first);
+    let mut open = vec![];
+    for (number, declaration) in declarations.iter().enumerate() {
+        declaration.name.map_or(&mut open, |name| by_name.entry(name).or_default()).push(number);
+    }
+    let Some(entries) = by_name.get(entry) else { return text.into() };
+    open.extend(entries);
     let mut is_kept = vec![false; declarations.len()];
     while let Some(number) = open.pop() {
         if !std::mem::replace(&mut is_kept[number], true) {
-            open.extend(declarations[number].words.iter().filter_map(|word| by_name.get(word)));
+            open.extend(declarations[number].words.iter().filter_map(|word| by_name.get(word)).flatten());
         }
     }
     let mut kept = String::with_capacity(text.len());
@@ -44,16 +47,20 @@ struct Declaration<'a> {
 impl<'a> Declaration<'a> {
     fn new(text: &'a str, range: Range<usize>) -> Declaration<'a> {
         let words: Vec<&str> = text[range.clone()].lines().flat_map(words).collect();
-        // The name follows the keyword, except that the address space of a variable is between them.
+        // The name follows the keyword. In front of the name of a variable, there may be an address space and an access mode.
         let keyword =
             words.iter().position(|word| matches!(*word, "fn" | "struct" | "const" | "override" | "alias" | "var"));
-        let name = keyword.and_then(|at| words[at + 1..].iter().find(|word| !ADDRESS_SPACES.contains(word)).copied());
+        let name = keyword.and_then(|at| {
+            let is_name = |word: &&&str| words[at] != "var" || !BETWEEN_ANGLES.contains(word);
+            words[at + 1..].iter().find(is_name).copied()
+        });
         Declaration { range, name, words }
     }
 }
 
-/// Words between `var<` and `>`.
-const ADDRESS_SPACES: [&str; 7] = ["storage", "uniform", "workgroup", "private", "immediate", "read", "read_write"];
+/// The words that may stand between `var<` and `>`. No variable has such a name.
+const BETWEEN_ANGLES: [&str; 8] =
+    ["storage", "uniform", "workgroup", "private", "immediate", "read", "write", "read_write"];
 
 /// The words of a line, without its comment.
 fn words(line: &str) -> impl Iterator<Item = &str> {
@@ -120,5 +127,21 @@ mod tests {
     #[test]
     fn a_text_without_the_entry_point_stays() {
         assert_eq!(keep_reachable(TEXT, "third"), TEXT);
+    }
+
+    #[test]
+    fn what_has_no_name_or_one_name_twice_stays() {
+        let text = format!("const_assert A > 0.0;\n// }} {{\nfn read() {{ {{ f(); }} }}\n{TEXT}const A = 2.0;\n");
+        let first = keep_reachable(&text, "first");
+        assert!(first.contains("const_assert") && first.matches("const A").count() == 2, "{first}");
+        assert!(!first.contains("fn read"), "{first}");
+        assert!(keep_reachable(&text, "read").contains("fn read() { { f(); } }"));
+    }
+
+    #[test]
+    fn sources_have_no_block_comments() {
+        for (path, source) in crate::wgsl::SOURCES {
+            assert!(!source.contains("/*"), "shaders/{path}.wgsl has a block comment; use //");
+        }
     }
 }

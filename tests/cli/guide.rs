@@ -5,7 +5,7 @@
 //! * `sh`: run the commands; they must succeed.
 //! * `sh fails`: run the commands; they must fail, and their message must contain the text of the next block.
 //! * `sh slow`: as `sh` in long runs (`TAUGATE_LONG_TESTS`). Otherwise `taugate render` gets `--print-config`: it reads its flags and
-//!   files, and renders nothing. For commands whose kernels take long to compile.
+//!   files, and renders nothing. For commands that other tests cover, or whose kernels take long to compile.
 //! * `sh no-run`: nothing. For commands that take minutes, install something or need cargo. The tests check their number.
 //! * `toml NAME` and `csv NAME`: write the block to the file NAME, which later commands read.
 //! * `text`, `json`: nothing.

@@ -95,7 +95,7 @@ fn estimators_agree_on_a_scene_that_has_neither_camera_nor_light() {
 }
 
 #[test]
-#[ignore = "takes ten seconds; a wall in the light of a headlamp is tested always"]
+#[ignore = "takes ten seconds; `parity` tests cameras with a shifted axis always"]
 fn estimators_agree_if_the_principal_point_is_off_the_centre() {
     let keys = "camera = { look-from = [0.1, 1.1, 2.9], resolution = '24x16', principal-point = [0.3, 0.8] }";
     agrees("principal point", &dark_box(keys), &[(8.0, 10.0), (0.0, f64::INFINITY)]);

@@ -156,7 +156,7 @@ fn settings_under_test() -> [Settings; 4] {
 
 /// `cargo test --release --test estimators -- --ignored many_lamps`
 #[test]
-#[ignore = "takes ten seconds; a hundred spot lights are tested always"]
+#[ignore = "takes ten seconds; dots of a projector are tested always"]
 fn the_image_by_many_lamps_is_the_sum_of_images_by_few() {
     for (lamps, gate) in [(9, Gate::OPEN), (27, Gate { lo: 5.0, hi: 5.6 })] {
         let truth = sum_over_groups(lamps, gate);
@@ -212,7 +212,6 @@ fn queries_find_the_lamps_that_count() {
 
 /// A hundred beams of zero radius: each lights one point, and queries find the points near a shade point.
 #[test]
-#[ignore = "takes five seconds; a hundred spot lights are tested always"]
 fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
     let mut scene = room(0);
     for n in 0..100 {

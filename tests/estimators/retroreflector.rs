@@ -62,7 +62,6 @@ fn mean(renderer: &mut Renderer, gate: Gate) -> f64 {
 }
 
 #[test]
-#[ignore = "takes ten seconds; the angle at which the radiance is half is tested always"]
 fn a_plate_in_the_light_of_a_headlamp_has_the_radiance_of_the_closed_form() {
     let sheet = Retroreflector { share: SHARE, angle: ANGLE };
     let share = f64::from(SHARE);
@@ -112,7 +111,7 @@ fn room(share: f32, angle: f32) -> Scene {
 
 /// `cargo test --release --test estimators -- --ignored retroreflectors_agree`
 #[test]
-#[ignore = "takes ten seconds; the angle at which the radiance is half is tested always"]
+#[ignore = "takes ten seconds; plates with a closed form are tested always"]
 fn retroreflectors_agree_with_the_oracle() {
     const GATES: [(f64, f64); 2] = [(5.0, 6.0), (0.0, f64::INFINITY)];
     let scene = room(0.6, 20.0);

@@ -46,7 +46,7 @@ fn adaptive_samples_agree_with_the_closed_form() {
 
 /// The standard error that a render states for the mean of its image agrees with the spread of the means of different seeds.
 #[test]
-#[ignore = "takes five seconds; adaptive samples are compared with the closed form always"]
+#[ignore = "takes five seconds; the unit tests of the schedule test the stated variance always"]
 fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     let scene = build(Kind::CornellBox);
     let settings = spread(Estimator::Lcs, Sampling::Adaptive).change().resolution([12, 12]).build().unwrap();

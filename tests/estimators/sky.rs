@@ -49,7 +49,7 @@ fn sees(name: &str, scene: &Scene, max_depth: u32, truth: f64) {
 
 /// The middle of the view is a block, the corners are background.
 #[test]
-#[ignore = "takes five seconds; the image of a sky is compared with the oracle always"]
+#[ignore = "takes five seconds; responses and skies are tested always, one by one"]
 fn responses_without_an_end_hold_the_sky() {
     let grey = (diffuse("grey", [0.6; 3]), cuboid(DVec3::splat(-1.0), DVec3::splat(1.0)));
     let scene = under_the_sky(vec![grey], DVec3::new(0.0, 0.0, 6.0), 1.0);

@@ -63,7 +63,7 @@ fn resampled_queries_agree_with_the_closed_form() {
 }
 
 #[test]
-#[ignore = "takes five seconds; `stress` tests large scenes always"]
+#[ignore = "takes five seconds; `stress` tests large scenes with two other estimators always"]
 fn a_sphere_of_a_hundred_metres_agrees_with_the_closed_form() {
     // `ellipsoids` has a sphere with fewer triangles for `epc`.
     let all = [Estimator::Lcs, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Pt];

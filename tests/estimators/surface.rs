@@ -250,7 +250,7 @@ fn constant_textures_are_factors() {
 }
 
 #[test]
-#[ignore = "takes ten seconds; `parity` compares normal maps with the oracle always"]
+#[ignore = "takes ten seconds; a leaning normal is tested always, and `parity` compares normals with the oracle"]
 fn normal_maps_agree_with_the_oracle() {
     let scene = with_normal_map(zoo(Light::Area), bumps());
     let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
@@ -293,7 +293,6 @@ fn leaning(eye: DVec3, material: Material) -> Scene {
 /// A Lambert plane whose normal leans by the angle a reflects (1 + cos a) / 2 of the light to all viewers on the side of the
 /// normal: the rest would come from below the plane. Viewers on the other side see a flat plane, which loses nothing.
 #[test]
-#[ignore = "takes five seconds; `parity` compares normal maps with the oracle always"]
 fn a_leaning_normal_loses_no_more_than_the_light_from_below() {
     for (x, expected) in [(1.5, (1.0 + 0.5f64.sqrt()) / 2.0), (-1.5, 1.0)] {
         let scene = leaning(DVec3::new(x, 0.2, 0.6), diffuse("white", [1.0; 3]));
@@ -329,7 +328,7 @@ fn albedo(bsdf: &Bsdf, normal: DVec3, wo: DVec3) -> f64 {
 /// White furnace with a normal map: rough metal and plastic reflect the light from above that their lobes at the turned normal collect,
 /// and no more than arrives. Viewers behind the turned normal see a flat plane.
 #[test]
-#[ignore = "takes ten seconds; `parity` compares normal maps with the oracle always"]
+#[ignore = "takes ten seconds; a leaning normal of a diffuse plane is tested always"]
 fn leaning_glossy_lobes_gain_nothing() {
     // The texel of `leaning`.
     let normal = (DVec3::new(218.0, 128.0, 218.0) / 127.5 - 1.0).normalize();

@@ -145,7 +145,7 @@ fn a_wide_beam_in_fog_is_as_bright_as_a_thin_one() {
 }
 
 #[test]
-#[ignore = "takes five seconds; a beam in fog is tested always"]
+#[ignore = "takes five seconds; beams in fog without mirrors are tested always"]
 fn a_mirror_shows_a_beam_in_fog() {
     // Behind the mirror, only sensor paths that enter the beam by chance find it.
     assert_same_images(&beam_in_a_box(0.4, false), &beam_in_a_box(0.4, true), "mirror");
@@ -252,7 +252,7 @@ fn assert_same_images(a: &Film, b: &Film, what: &str) {
 }
 
 #[test]
-#[ignore = "takes five seconds; `estimators` compares even grids always"]
+#[ignore = "takes five seconds; a grid of two halves is tested always"]
 fn an_even_grid_is_a_homogeneous_medium() {
     let fog = Medium { bounds: Some(BOX), ..medium(1.0, 0.2, HG) };
     let even = in_room(vec![fog.clone()], 1);
@@ -276,7 +276,7 @@ fn a_grid_of_two_halves_is_two_boxes() {
 }
 
 #[test]
-#[ignore = "takes ten seconds; `estimators` compares meshes with boxes always"]
+#[ignore = "takes ten seconds; the null boundaries of the renderer are tested always"]
 fn a_null_boundary_bounds_a_medium_as_a_box_does() {
     for eye in [OUTSIDE, DVec3::new(0.2, 0.1, 0.7)] {
         let fog = medium(1.0, 0.2, HG);

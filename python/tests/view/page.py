@@ -11,6 +11,7 @@ import pytest
 from .program import SIZE
 
 pytest.importorskip("selenium")
+image_reader = pytest.importorskip("matplotlib.image")
 
 from selenium import webdriver
 from selenium.common.exceptions import WebDriverException
@@ -22,6 +23,8 @@ from selenium.webdriver.common.keys import Keys
 # Nothing on the page takes more seconds than this, even where the renderer and the browser share two cores.
 PATIENCE = 20
 GLANCE = 0.05
+# Seconds for a script of the tests.
+SCRIPT_PATIENCE = 60
 # Starts of chromedriver until one finds a port that no other program has.
 STARTS = 20
 SWITCHES = (
@@ -63,11 +66,14 @@ def open_browser():
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     for _ in range(STARTS):
         try:
-            return webdriver.Chrome(options=options, service=Service(executable_path=paths["chromedriver"]))
+            browser = webdriver.Chrome(options=options, service=Service(executable_path=paths["chromedriver"]))
         except WebDriverException as error:
             # Another program took the port before chromedriver did.
             if "unexpectedly exited" not in str(error):
                 raise
+        else:
+            browser.set_script_timeout(SCRIPT_PATIENCE)
+            return browser
     pytest.fail("chromedriver does not start")
 
 
@@ -163,9 +169,8 @@ class Page:
 
     def shot(self):
         """The same without a click that draws the image again."""
-        image = pytest.importorskip("matplotlib.image")
         # After two frames of the screen, everything is drawn.
         self.run_later("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
-        shot = image.imread(io.BytesIO(self.find("#picture").screenshot_as_png), format="png")
+        shot = image_reader.imread(io.BytesIO(self.find("#picture").screenshot_as_png), format="png")
         top, left = ((size - SIZE + 1) // 2 for size in shot.shape[:2])
         return np.rint(255 * shot[top : top + SIZE, left : left + SIZE, :3]).astype(np.uint8)
