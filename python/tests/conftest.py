@@ -18,16 +18,9 @@ SIZE = (32, 32)
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config, items):
-    """With several processes, one process runs the tests of a file. One process runs all tests of the page, because their viewers run
-    one after the other. They take longest, so they begin first. Use `-n 2 --dist loadgroup --no-loadscope-reorder`.
-
-    Without `tryfirst`, pytest-xdist would read the groups before they are there.
-    """
-    if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            item.add_marker(pytest.mark.xdist_group("page" if is_of_page(item) else item.path.name))
-        items.sort(key=lambda item: not is_of_page(item))
+def pytest_collection_modifyitems(items):
+    """The tests of the page begin first, because they take longest."""
+    items.sort(key=lambda item: not is_of_page(item))
 
 
 def is_of_page(item):
