@@ -1,7 +1,5 @@
 """What the tests share."""
 
-import os
-import pathlib
 import signal
 import subprocess
 
@@ -9,22 +7,14 @@ import numpy as np
 import pytest
 
 import taugate
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-SCENES = ROOT / "scenes"
-PROGRAM = os.environ.get("TAUGATE_PROGRAM", ROOT / "target/release/taugate")
+from places import PROGRAM, ROOT, SCENES
 
 SIZE = (32, 32)
 
 
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """The tests of the page begin first, because they take longest."""
-    items.sort(key=lambda item: not is_of_page(item))
-
-
-def is_of_page(item):
-    return item.path.parent.name == "view"
+    items.sort(key=lambda item: item.path.parent.name != "view")
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +33,7 @@ def box():
 @pytest.fixture
 def program(tmp_path):
     """Runs the program in a new folder, and returns its exit code and stderr."""
-    if not os.path.exists(PROGRAM):
+    if not PROGRAM.exists():
         pytest.skip("the program is not built: cargo build --release")
 
     def run(*words):

@@ -84,7 +84,7 @@ fn run(document: &str) -> usize {
         let place = format!("{document}:{line}");
         match info.split(' ').collect::<Vec<_>>()[..] {
             ["sh"] | ["sh", "slow"] => {
-                let is_short = info == "sh slow" && std::env::var_os("TAUGATE_LONG_TESTS").is_none();
+                let is_short = info == "sh slow" && !crate::is_long();
                 let flag = if is_short { "--print-config " } else { "" };
                 let output = shell(here.path(), &text.replace("taugate render ", &format!("taugate render {flag}")));
                 assert!(output.status.success(), "{place}: {text}{}", String::from_utf8_lossy(&output.stderr));

@@ -47,6 +47,11 @@ fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) -> String {
     message
 }
 
+/// Whether tests run all commands, files and variants, because the environment variable `TAUGATE_LONG_TESTS` is set.
+fn is_long() -> bool {
+    std::env::var_os("TAUGATE_LONG_TESTS").is_some()
+}
+
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }

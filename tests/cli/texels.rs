@@ -24,7 +24,7 @@ fn arrays_too_large_for_texel_buffers_are_read_as_storage_buffers() {
     run("", &["generate", "zoo-area", "-o", "textured.glb"]);
     // Some arrays are larger than 65,536 texels, the limit that Vulkan guarantees; all arrays are larger than one texel.
     let cases = [("box.glb", "lcs", "65536"), ("textured.glb", "pt", "1"), ("box.glb", "lcs-paper", "1")];
-    let tested = if std::env::var_os("TAUGATE_LONG_TESTS").is_some() { &cases[..] } else { &cases[..2] };
+    let tested = if crate::is_long() { &cases[..] } else { &cases[..2] };
     for (scene, estimator, texels) in tested {
         let image = |texels: &str| {
             let settings = ["--resolution", "32x24", "--spp", "4", "--light-paths", "20000", "--gate", "5m..7m"];

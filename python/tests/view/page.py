@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from .program import SIZE
+from .program import PATIENCE, SIZE
 
 pytest.importorskip("selenium")
 image_reader = pytest.importorskip("matplotlib.image")
@@ -20,8 +20,6 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-# Nothing on the page takes more seconds than this, even where the renderer and the browser share two cores.
-PATIENCE = 20
 GLANCE = 0.05
 # Seconds for a script of the tests.
 SCRIPT_PATIENCE = 60

@@ -2,16 +2,15 @@
 
 import contextlib
 import fcntl
-import os
 import pathlib
 import signal
 import subprocess
 import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parents[3]
-SCENES = ROOT / "scenes"
-PROGRAM = pathlib.Path(os.environ.get("TAUGATE_PROGRAM", ROOT / "target/release/taugate")).absolute()
+from places import PROGRAM, SCENES
 
+# Nothing on the page takes more seconds than this, even where the renderer and the browser share two cores.
+PATIENCE = 20
 # Width and height of all images of these tests.
 SIZE = 32
 

@@ -12,7 +12,7 @@ from .program import view
 NAME = "const name = e => e.type === 'radio' ? `${e.name} (choice)` : e.id || `${e.tagName} ${e.textContent.trim()}`;"
 CONTROLS = """return [...document.querySelectorAll('button, input, select, summary, [tabindex]')]
     .filter(e => e.checkVisibility() && !e.disabled).map(name)"""
-NOTE = """window.reached = []; window.onfocus ??= null;
+NOTE = """window.reached = [];
     window.noted ??= (document.addEventListener('focusin', e => window.reached.push(name(e.target))), true)"""
 
 

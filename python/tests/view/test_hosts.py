@@ -2,10 +2,7 @@
 
 import socket
 
-from .program import view
-
-# Seconds until an answer.
-PATIENCE = 20
+from .program import PATIENCE, view
 
 
 def status(port, *lines):
