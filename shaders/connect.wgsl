@@ -61,7 +61,7 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let segment = segment_between(q.position, v.position);
     let w = segment.direction;
     let tau = connection_time(q, v, w, sqrt(segment.length2));
-    let in_gate = gate_weight(tau);
+    let in_gate = gate_weight_before_delays(tau);
     if (in_gate == 0.0) {
         contributions[slot] = vec4<f32>(0.0, 0.0, 0.0, NOT_TRACED);
         return;
@@ -77,8 +77,12 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // Visibility between the two points, both moved off their surfaces by the rounding offset.
     let lit = is_unoccluded(ray_end(q, w), ray_end(v, -w), key);
-    let last = select(tau, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
-    let passed = traced_transmittance(q, w, sqrt(segment.length2));
+    var passed = traced_transmittance(q, w, sqrt(segment.length2));
+    let delayed = tau + traced_delay();
+    if (HAS_DELAYS) {
+        passed *= gate_weight(delayed);
+    }
+    let last = select(delayed, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
     contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), last);
 }
 
@@ -87,7 +91,7 @@ fn connect_by_ellipsoid(
     q: PathVertex, v: PathVertex, sensor: SensorSample, x: AuxiliaryPoint, inverse_density: f32, slot: u32,
 ) -> vec4<f32> {
     let nothing = vec4<f32>(0.0, 0.0, 0.0, NOT_TRACED);
-    if (x.triangle == NONE || gate_weight(x.tau) == 0.0) {
+    if (x.triangle == NONE || gate_weight_before_delays(x.tau) == 0.0) {
         return nothing;
     }
     let c = connect_over(q, v, x.triangle, x.weights);
@@ -100,11 +104,16 @@ fn connect_by_ellipsoid(
     }
     let words = pcg4d(ellipsoid_key(sensor, dispatch.bounce, slot) ^ vec4<u32>(0u, 0u, 0u, x.triangle));
     let lit_q = is_unoccluded(ray_end(q, -c.to_q), ray_end(c.x, c.to_q), words);
-    let passed_q = traced_transmittance(q, -c.to_q, distance(q.position, c.x.position));
+    var passed = traced_transmittance(q, -c.to_q, distance(q.position, c.x.position));
+    var tau = x.tau + traced_delay();
     let lit = lit_q && is_unoccluded(ray_end(v, -c.to_v), ray_end(c.x, c.to_v), words.yzwx);
-    let passed_v = traced_transmittance(v, -c.to_v, distance(v.position, c.x.position));
-    let last = select(x.tau, c.weight, OBSERVE == OBSERVE_STRATEGIES);
-    return vec4<f32>(select(vec3<f32>(0.0), value * passed_q * passed_v, lit), last);
+    passed *= traced_transmittance(v, -c.to_v, distance(v.position, c.x.position));
+    tau += traced_delay();
+    if (HAS_DELAYS) {
+        passed *= gate_weight(tau);
+    }
+    let last = select(tau, c.weight, OBSERVE == OBSERVE_STRATEGIES);
+    return vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), last);
 }
 
 // The entry in `contributions` for a connection of q to the sky, in a direction sampled in proportion to luminance (s = 1).

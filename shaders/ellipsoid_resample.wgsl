@@ -64,7 +64,7 @@ fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         // Travel times are stratified.
         let number = select(k - of_lamps, k, is_lamp);
         let tau = travel_time_at((f32(number) + next_uniform(&rng)) / f32(draws));
-        if (n == 0u || gate_weight(tau) == 0.0) {
+        if (n == 0u || gate_weight_before_delays(tau) == 0.0) {
             continue;
         }
         let drawn = draw_vertex(q, tau, select(lamps, 0u, is_lamp), n, &rng);

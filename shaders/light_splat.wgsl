@@ -33,8 +33,8 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let to_sensor = segment_to_sensor(v.position);
     let d = to_sensor.length;
     let w = to_sensor.direction;
-    let tau = travel_time(v.tau, optical_length(v, w, d), 0.0);
-    let counted = gate_weight(tau);
+    var tau = travel_time(v.tau, optical_length(v, w, d), 0.0);
+    let counted = gate_weight_before_delays(tau);
     if (counted == 0.0) {
         return;
     }
@@ -60,6 +60,12 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     value *= traced_transmittance(v, w, d);
+    if (HAS_DELAYS) {
+        tau += traced_delay();
+        if (gate_weight(tau) == 0.0) {
+            return;
+        }
+    }
     let reached = select(flight_density(depths.scattering), 1.0, HAS_ORTHOGRAPHIC);
     let weight = splat_weight(v, c, density * c.cosine / spread * reached);
     if (OBSERVE == OBSERVE_STRATEGIES) {

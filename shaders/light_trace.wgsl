@@ -29,7 +29,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Nearest surface along the ray.
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
-    let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
+    var was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     let fixed_emitter = dispatch.emitter != NONE;
     // The subpath of a fixed emitter goes straight to the first surface. Other subpaths of the beam find the events before it.
     let arrival = advance(&s, fixed_emitter, false, key, flight_uniforms(key));
@@ -38,6 +38,16 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     var v = arrival.vertex;
+    if (HAS_SHEETS && arrival.transit.scatters) {
+        // Such a sheet has been hit by a part of the paths, so the paths behind it are random, and each carries its share of the power.
+        if (was_deterministic) {
+            let share = 1.0 / (s.select_pdf * f32(frame.light_paths));
+            s.throughput *= share;
+            v.throughput *= share;
+            was_deterministic = false;
+        }
+        s.flags &= ~(PATH_DETERMINISTIC | PATH_LEAVES_CONNECTED);
+    }
     let depth = dispatch.bounce + 1u;
     v.flags |= depth;
     if (HAS_ELLIPSOIDS && depth >= 2u) {

@@ -46,6 +46,9 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (HAS_MEDIA && depth == 1u) {
         flight = vec3<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, frame.seed), flight.z);
     }
+    if (HAS_SHEETS && depth == 1u) {
+        sheet_numbers = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_SHEET, frame.seed);
+    }
     let arrival = advance(&s, false, true, key, flight);
     // Whether light vertices may be connected to events on the segment.
     let has_segment = DRAWS_IN_GATE && arrival.segment.limit > 0.0 && depth < frame.max_depth;

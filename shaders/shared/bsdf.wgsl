@@ -33,6 +33,8 @@ struct Bsdf {
     eta_below: f32,
     // The back of a one-sided surface, which scatters nothing.
     black: bool,
+    // Thin glass (sheet.wgsl).
+    thin: bool,
 }
 
 struct BsdfValue {
@@ -81,8 +83,10 @@ fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
     b.retroreflector_alpha = m.retroreflector_alpha;
     b.transmission = select(0.0, m.transmission, HAS_TRANSMISSION);
     b.diffuse_scale = m.diffuse_scale;
-    b.eta_above = select(m.ior, 1.0, front);
-    b.eta_below = select(1.0, m.ior, front);
+    b.thin = is_thin(m);
+    let is_outside = front || b.thin;
+    b.eta_above = select(m.ior, 1.0, is_outside);
+    b.eta_below = select(1.0, m.ior, is_outside);
     b.black = !front && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && b.transmission == 0.0;
     return b;
 }
@@ -171,6 +175,18 @@ fn is_delta(b: Bsdf) -> bool {
     return b.alpha < DELTA_ALPHA;
 }
 
+// Reflectance of glass: of one face, or of both faces of thin glass with all reflections between them. `cosine`: that of the angle
+// to the normal of a facet.
+fn glass_reflectance(b: Bsdf, cosine: f32) -> f32 {
+    let face = fresnel_dielectric(cosine, b.eta_above, b.eta_below);
+    return select(face, 2.0 * face / (1.0 + face), b.thin);
+}
+
+// Whether light that passes the glass goes straight on, so that rays pass it without a vertex.
+fn passes_straight(b: Bsdf) -> bool {
+    return b.thin && is_delta(b);
+}
+
 // Probabilities of sampling the lobes if the known direction is at `cosine` from the normal.
 fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
     if (!HAS_GLOSSY) {
@@ -184,7 +200,10 @@ fn lobe_probabilities_of(b: Bsdf, cosine: f32, coat: f32) -> Lobes {
     let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
     let diffuse = plastic * luminance(b.base) * (1.0 - coat);
     let gloss = plastic * coat + b.metallic * luminance(schlick(b.base, cosine));
-    let glass = (1.0 - b.metallic) * b.transmission;
+    var glass = (1.0 - b.metallic) * b.transmission;
+    if (passes_straight(b)) {
+        glass *= glass_reflectance(b, cosine);
+    }
     let sum = diffuse + gloss + glass;
     if (is_coated(b)) {
         let albedo = clearcoat_albedo(b, cosine);
@@ -213,7 +232,11 @@ fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     if (wl.z > 0.0 && wc.z > 0.0) {
         r = bsdf_eval_reflection(b, wl, wc);
     } else if (HAS_TRANSMISSION && wl.z * wc.z < 0.0 && b.transmission > 0.0 && !is_delta(b)) {
-        r = bsdf_eval_transmission(b, wl, wc);
+        if (b.thin) {
+            r = bsdf_eval_thin_transmission(b, wl, wc);
+        } else {
+            r = bsdf_eval_transmission(b, wl, wc);
+        }
     }
     if (is_coated(b)) {
         r = add_clearcoat(b, r, wl, wc);
@@ -281,7 +304,7 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     let d = ggx_d(h, b.alpha);
     let cosine = max(dot(wl, h), 0.0);
     let masking = 1.0 / (1.0 + ggx_lambda(wl, b.alpha) + ggx_lambda(wc, b.alpha));
-    let glass_f = fresnel_dielectric(cosine, b.eta_above, b.eta_below);
+    let glass_f = glass_reflectance(b, cosine);
     let fresnel = b.metallic * schlick(b.base, cosine) + plastic * coat_fresnel(b, cosine)
         + (1.0 - b.metallic) * b.transmission * glass_f;
     r.f += fresnel * (d * masking / (4.0 * wl.z * wc.z));
@@ -333,6 +356,25 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     return r;
 }
 
+// `bsdf_eval` for wl and wc on opposite sides of rough thin glass, without the clear coat and the retroreflector. The lobe is that of
+// the reflection, mirrored at the surface.
+fn bsdf_eval_thin_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
+    let l = vec3<f32>(wl.xy, abs(wl.z));
+    let c = vec3<f32>(wc.xy, abs(wc.z));
+    let h = normalize(l + c);
+    let cosine = max(dot(l, h), 0.0);
+    let masking = 1.0 / (1.0 + ggx_lambda(l, b.alpha) + ggx_lambda(c, b.alpha));
+    let transmitted = 1.0 - glass_reflectance(b, cosine);
+    let glass = (1.0 - b.metallic) * b.transmission * transmitted;
+    let by_sensor = lobe_probabilities(b, c.z).glass * transmitted;
+    let by_light = lobe_probabilities(b, l.z).glass * transmitted;
+    var r: BsdfValue;
+    r.f = glass * b.base * (ggx_d(h, b.alpha) * masking / (4.0 * l.z * c.z));
+    r.pdf_to_light = by_sensor * ggx_visible_pdf(c, h, b.alpha) / max(4.0 * dot(c, h), 1e-12);
+    r.pdf_to_sensor = by_light * ggx_visible_pdf(l, h, b.alpha) / max(4.0 * dot(l, h), 1e-12);
+    return r;
+}
+
 // Samples a direction for the known direction `w`, w.z > 0. `to_light`: `w` is wc and the sample is wl; otherwise `w` is wl
 // and the sample is wc. `u.w` picks the lobe, `u.z` reflection or refraction, `u.xy` the direction or the visible normal.
 fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSample {
@@ -365,8 +407,10 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
         s.direction = reflect(-w, h);
         var refracted = false;
         if (HAS_TRANSMISSION && !coat && pick >= lobes.diffuse + lobes.gloss) {
-            refracted = u.z >= fresnel_dielectric(max(dot(w, h), 0.0), b.eta_above, b.eta_below);
-            if (refracted) {
+            refracted = !passes_straight(b) && u.z >= glass_reflectance(b, max(dot(w, h), 0.0));
+            if (refracted && b.thin) {
+                s.direction.z = -s.direction.z;
+            } else if (refracted) {
                 s.direction = refract(-w, h, b.eta_above / b.eta_below);
             }
         }
@@ -403,11 +447,12 @@ fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lob
         return s;
     }
     let glass = (1.0 - b.metallic) * b.transmission;
-    let reflectance = fresnel_dielectric(w.z, b.eta_above, b.eta_below);
+    let reflectance = glass_reflectance(b, w.z);
     if (direction.z > 0.0) {
         let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
         let albedo = b.metallic * schlick(b.base, w.z) + plastic * coat_fresnel(b, w.z) + glass * reflectance;
-        s.weight = albedo / max(lobes.gloss + lobes.glass * reflectance, 1e-30);
+        let by_glass = lobes.glass * select(reflectance, 1.0, passes_straight(b));
+        s.weight = albedo / max(lobes.gloss + by_glass, 1e-30);
     } else {
         // Radiance is concentrated in the smaller solid angle of the denser side. The flux of light particles is not.
         let squeeze = select(1.0, square(b.eta_above / b.eta_below), to_light);

@@ -18,7 +18,8 @@ struct Frame {
     // Sample count of the t = 1 strategies in the MIS weights: the number of light subpaths in the iteration, stored or not, over
     // the average number of samples per pixel, times the estimator's weight for t = 1.
     splat_sample_count: f32,
-    // The gate [gate_lo, gate_hi) of optical path. gate_hi is 3e38 for an open gate.
+    // The gate [gate_lo, gate_hi) of optical path. gate_hi is 3e38 for an open gate. With HAS_DELAYS, gate_lo is earlier than the
+    // start of the gate by the maximum delay on one segment: light may still be delayed where this bound is used.
     gate_lo: f32,
     gate_hi: f32,
     // A subpath stops once its whole path is known to take at least this time, and so to miss the gate. 3e38 switches this off.
@@ -82,7 +83,8 @@ struct Frame {
     vertex_count: u32,
     // Material of the glass around the camera, an index into `materials`; NONE outside of glass.
     sensor_solid: u32,
-    pad0: u32,
+    // The start of the gate, if HAS_DELAYS.
+    undelayed_lo: f32,
     pad1: u32,
 }
 
@@ -148,6 +150,9 @@ override SURROUNDING_GROUP_INDEX: f32 = 1.0;
 override HAS_INTERIORS: bool = true;
 // Whether meshes bound media without bending light (boundary.wgsl).
 override HAS_NULL_BOUNDARIES: bool = true;
+// Whether the scene has thin glass (sheet.wgsl), and whether this glass delays light.
+override HAS_SHEETS: bool = true;
+override HAS_DELAYS: bool = true;
 // Whether a medium has a density grid (grid.wgsl).
 override HAS_GRIDS: bool = true;
 // Whether the events in a medium that are connected to deterministic vertices are drawn inside the gate (shared/fog.wgsl).

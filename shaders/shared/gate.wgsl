@@ -12,5 +12,15 @@ fn gate_weight(tau: f32) -> f32 {
     if (HAS_HOLE && tau >= frame.hole_lo && tau < frame.hole_hi) {
         return 0.0;
     }
+    let lo = select(frame.gate_lo, frame.undelayed_lo, HAS_DELAYS);
+    return select(0.0, 1.0, tau >= lo && tau < frame.gate_hi);
+}
+
+// As `gate_weight`, before a segment of the path is traced. Thin glass on this segment may delay the light. 0 only if the path misses
+// the gate with any delay.
+fn gate_weight_before_delays(tau: f32) -> f32 {
+    if (!HAS_DELAYS) {
+        return gate_weight(tau);
+    }
     return select(0.0, 1.0, tau >= frame.gate_lo && tau < frame.gate_hi);
 }

@@ -52,6 +52,9 @@ struct Material {
     retroreflector_alpha: f32,
     // Index into `textures`, or NONE: red multiplies the transmission.
     transmission_texture: u32,
+    // Thin glass: its thickness, and the optical depth of what it contains along this thickness, per channel.
+    thickness: f32,
+    absorption: vec3<f32>,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -59,33 +62,52 @@ const MATERIAL_MASK: u32 = 2u;
 const MATERIAL_BLEND: u32 = 4u;
 // Properties other than the base colour vary over the surface.
 const MATERIAL_VARIES: u32 = 8u;
+// Surfaces with this material are thin glass (sheet.wgsl).
+const MATERIAL_THIN: u32 = 16u;
 const DELTA_ALPHA: f32 = 0.001;
 // Minimum of the part of the light that a coat lets in on average. It keeps the scale of the base finite.
 const MIN_BELOW_COAT: f32 = 1e-4;
 
+// Number of texels of a material.
+const MATERIAL_TEXELS: u32 = 10u;
+
 fn load_material(index: u32) -> Material {
-    let color = bitcast<vec4<f32>>(textureLoad(materials, 9u * index, 0));
-    let light = bitcast<vec4<f32>>(textureLoad(materials, 9u * index + 1u, 0));
-    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 9u * index + 2u, 0));
-    let rest = textureLoad(materials, 9u * index + 3u, 0);
-    let images = textureLoad(materials, 9u * index + 4u, 0);
-    let bumps = textureLoad(materials, 9u * index + 5u, 0);
-    let specular = textureLoad(materials, 9u * index + 6u, 0);
+    let color = bitcast<vec4<f32>>(textureLoad(materials, MATERIAL_TEXELS * index, 0));
+    let light = bitcast<vec4<f32>>(textureLoad(materials, MATERIAL_TEXELS * index + 1u, 0));
+    let lobes = bitcast<vec4<f32>>(textureLoad(materials, MATERIAL_TEXELS * index + 2u, 0));
+    let rest = textureLoad(materials, MATERIAL_TEXELS * index + 3u, 0);
+    let images = textureLoad(materials, MATERIAL_TEXELS * index + 4u, 0);
+    let bumps = textureLoad(materials, MATERIAL_TEXELS * index + 5u, 0);
+    let specular = textureLoad(materials, MATERIAL_TEXELS * index + 6u, 0);
     var coats = vec4<u32>(NONE);
     if (HAS_COAT_TEXTURES || HAS_INTERIORS) {
-        coats = textureLoad(materials, 9u * index + 7u, 0);
+        coats = textureLoad(materials, MATERIAL_TEXELS * index + 7u, 0);
     }
     var last = vec4<u32>(0u, 0u, NONE, 0u);
-    if (HAS_RETROREFLECTORS || HAS_TRANSMISSION_TEXTURES) {
-        last = textureLoad(materials, 9u * index + 8u, 0);
+    if (HAS_RETROREFLECTORS || HAS_TRANSMISSION_TEXTURES || HAS_SHEETS) {
+        last = textureLoad(materials, MATERIAL_TEXELS * index + 8u, 0);
     }
     let retroreflector = bitcast<vec2<f32>>(last.xy);
+    var absorption = vec3<f32>(0.0);
+    if (HAS_SHEETS) {
+        absorption = bitcast<vec3<f32>>(textureLoad(materials, MATERIAL_TEXELS * index + 9u, 0).xyz);
+    }
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
         bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, coats.w,
-        retroreflector.x, retroreflector.y, last.z);
+        retroreflector.x, retroreflector.y, last.z, bitcast<f32>(last.w), absorption);
+}
+
+// Whether surfaces with this material are thin glass.
+fn is_thin(m: Material) -> bool {
+    return HAS_SHEETS && (m.flags & MATERIAL_THIN) != 0u;
+}
+
+// Whether surfaces with this material bound a transmitting solid.
+fn bounds_solid(m: Material) -> bool {
+    return HAS_TRANSMISSION && m.transmission > 0.0 && !is_thin(m);
 }
 
 // Index of refraction inside solids of this material.

@@ -100,6 +100,8 @@ const VERTEX_IN_MEDIUM: u32 = 0x10000u;
 const VERTEX_FOLLOWS_CONNECTED: u32 = 0x20000u;
 // Sensor: no light vertex may be connected to the shade point itself, only to events on the segment before it.
 const VERTEX_SEGMENT_ONLY: u32 = 0x40000u;
+// The vertex is on thin glass (sheet.wgsl), so light can leave on either side.
+const VERTEX_SHEET: u32 = 0x80000u;
 // From this bit on: code of the solid on the side of `to_previous` (solid.wgsl).
 const VERTEX_SOLID_SHIFT: u32 = 20u;
 

@@ -100,7 +100,7 @@ fn target_function(q: PathVertex, v: PathVertex) -> f32 {
     uses_mean_densities = true;
     let open = unshadowed(q, v);
     uses_mean_densities = false;
-    return (open.x + open.y + open.z) * (open.w * gate_weight(tau));
+    return (open.x + open.y + open.z) * (open.w * gate_weight_before_delays(tau));
 }
 
 // Number of parts of equal length into which the gate is divided, 1 to MAX_TIME_GROUPS. K queries yield one vertex for each part,

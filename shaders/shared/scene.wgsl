@@ -26,6 +26,8 @@ const TRIANGLE_DETAILED: u32 = 0x10000000u;
 const TRIANGLE_MIRRORED: u32 = 0x20000000u;
 // The surface is a null boundary (boundary.wgsl).
 const TRIANGLE_NULL: u32 = 0x08000000u;
+// The surface is thin glass (sheet.wgsl).
+const TRIANGLE_SHEET: u32 = 0x04000000u;
 const TRIANGLE_MATERIAL: u32 = 0x00ffffffu;
 
 struct VertexAttributes {

@@ -31,13 +31,22 @@ fn segment_depths(v: PathVertex, w: vec3<f32>, distance: f32) -> Depths {
     return depths_towards(v, w, distance);
 }
 
-// Fraction of light that the media on the segment transmit in scenes with null boundaries, otherwise 1. The ray of the segment must
-// have been traced: `trace` finds the boundaries.
+// Fraction of light that thin glass on the segment transmits, and the media in scenes with null boundaries; 1 if there are neither. The
+// ray of the segment must have been traced: `trace` finds the glass and the boundaries.
 fn traced_transmittance(v: PathVertex, w: vec3<f32>, distance: f32) -> vec3<f32> {
-    if (!HAS_MEDIA || !HAS_NULL_BOUNDARIES) {
-        return vec3<f32>(1.0);
+    var passed = vec3<f32>(1.0);
+    if (HAS_SHEETS) {
+        passed = transit.weight;
     }
-    return transmitted(depths_towards(v, w, distance));
+    if (!HAS_MEDIA || !HAS_NULL_BOUNDARIES) {
+        return passed;
+    }
+    return passed * transmitted(depths_towards(v, w, distance));
+}
+
+// Delay of the light by thin glass on the segment that was traced last.
+fn traced_delay() -> f32 {
+    return select(0.0, transit.delay, HAS_DELAYS);
 }
 
 fn depths_towards(v: PathVertex, w: vec3<f32>, distance: f32) -> Depths {

@@ -36,7 +36,7 @@ fn is_in_reach(q: PathVertex, v: PathVertex, w: vec3<f32>, d: f32) -> bool {
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
     // Without short circuits: on masked SIMD, a branch costs more than the test that it saves.
     return (d > COINCIDENCE_TOLERANCE * max_component(abs(q.position))) & (segments <= frame.max_depth)
-        & (gate_weight(connection_time(q, v, w, d)) > 0.0) & !(is_in_medium(q) & is_drawn_in_gate(v));
+        & (gate_weight_before_delays(connection_time(q, v, w, d)) > 0.0) & !(is_in_medium(q) & is_drawn_in_gate(v));
 }
 
 // Whether connecting v to q can contribute. Tests coincidence, number of segments, gate and facing.

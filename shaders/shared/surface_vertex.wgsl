@@ -6,7 +6,7 @@
 fn surface_vertex(surface: Surface, towards: vec3<f32>) -> PathVertex {
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);
-    let passes = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
+    let m = load_material(surface.material);
     let normal = bumped_normal(surface);
     var v: PathVertex;
     v.position = surface.position;
@@ -14,7 +14,7 @@ fn surface_vertex(surface: Surface, towards: vec3<f32>) -> PathVertex {
     v.normal = normal * flip;
     v.geometric = surface.geometric * flip;
     v.to_previous = towards;
-    v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, passes)
+    v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, bounds_solid(m)) | select(0u, VERTEX_SHEET, is_thin(m))
         | select(0u, VERTEX_BUMPED, HAS_NORMAL_MAPS && any(normal != surface.normal));
     v.point_words = point_words(surface);
     v.offset = surface.offset;

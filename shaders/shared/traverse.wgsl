@@ -77,7 +77,7 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, last_hit: LastHit
     let t = (u * a.z + v * b.z + w * c.z) * scale;
     var beyond = t > last_hit.t;
     var nearer = t < (*hit).t;
-    if (HAS_ALPHA || HAS_NULL_BOUNDARIES) {
+    if (HAS_ALPHA || HAS_NULL_BOUNDARIES || HAS_SHEETS) {
         // Only a ray that may pass surfaces needs an order between triangles at equal distance.
         beyond |= (t == last_hit.t) & (index > last_hit.triangle);
         nearer |= (t == (*hit).t) & ((*hit).triangle != NONE) & (index < (*hit).triangle);

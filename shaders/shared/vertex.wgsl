@@ -16,9 +16,14 @@ struct Evaluation {
     cosine: f32,
 }
 
-// Whether light passes through the surface at v.
+// Whether v is on the surface of a transmitting solid.
 fn transmits(v: PathVertex) -> bool {
     return HAS_TRANSMISSION && (v.flags & VERTEX_TRANSMITS) != 0u;
+}
+
+// Whether v is on thin glass.
+fn is_on_sheet(v: PathVertex) -> bool {
+    return HAS_SHEETS && (v.flags & VERTEX_SHEET) != 0u;
 }
 
 // Whether v is a scattering event in a participating medium.
@@ -44,7 +49,7 @@ fn has_normal(v: PathVertex) -> bool {
 
 // Whether v exchanges light with only one side of its surface.
 fn is_one_sided(v: PathVertex) -> bool {
-    return !transmits(v) && !is_in_medium(v) && ((v.flags & VERTEX_EMITTER) == 0u || v.material == EMIT_ONE_SIDED);
+    return !transmits(v) && !is_on_sheet(v) && !is_in_medium(v) && ((v.flags & VERTEX_EMITTER) == 0u || v.material == EMIT_ONE_SIDED);
 }
 
 // Whether v can exchange light with a point in the direction `w`.

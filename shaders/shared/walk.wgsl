@@ -14,6 +14,8 @@ struct Arrival {
     vertex: PathVertex,
     // Factor by which the flight through media changed the throughput, in the channel where it is largest; 1 without media.
     carried: f32,
+    // The sheets of thin glass that the subpath has passed on this segment (sheet.wgsl).
+    transit: Transit,
     // The segment that was traced, also if the ray left the scene. Its `limit` is 0 if the scene has no media, or if
     // the ray runs in a solid without a medium.
     segment: FogSegment,
@@ -25,6 +27,9 @@ struct Arrival {
 fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: bool, key: vec4<u32>, u: vec3<f32>) -> Arrival {
     var a: Arrival;
     a.carried = 1.0;
+    if (HAS_SHEETS) {
+        follows_beam = is_direct;
+    }
     let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
     a.found = hit.triangle != NONE;
     if (a.found) {
@@ -49,9 +54,18 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: 
         }
         if (flight.scattered) {
             a.found = true;
+            if (HAS_SHEETS) {
+                a.transit = transit_before(flight.distance);
+                pass_sheets(state, &a);
+            }
             a.vertex = arrive_in_medium(state, flight);
             return a;
         }
+    }
+    if (HAS_SHEETS) {
+        a.transit = transit;
+        a.transit.weight *= sheet_stop;
+        pass_sheets(state, &a);
     }
     if (a.found) {
         a.vertex = arrive(state, a.surface);
@@ -59,10 +73,17 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: 
     return a;
 }
 
+// Applies the sheets of thin glass on the segment to the subpath.
+fn pass_sheets(state: ptr<function, PathState>, a: ptr<function, Arrival>) {
+    (*state).throughput *= (*a).transit.weight;
+    (*state).tau += (*a).transit.delay;
+    (*a).carried *= max_component((*a).transit.weight);
+}
+
 // Sets eta and the solid of the ray of `state` if the `surface` that it hits transmits light; otherwise both stay. The side that was
 // hit determines both, so subpaths from either end of a segment find the same values. Returns the code of the solid.
 fn find_solid(state: ptr<function, PathState>, surface: Surface) -> u32 {
-    if (!(HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0)) {
+    if (!bounds_solid(load_material(surface.material))) {
         return path_solid(*state);
     }
     let is_front = dot(surface.geometric, -(*state).direction) >= 0.0;

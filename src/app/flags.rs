@@ -10,7 +10,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 40] = [
+const INFO_SETTINGS: [&str; 41] = [
     "camera",
     "look-from",
     "look-at",
@@ -45,6 +45,7 @@ const INFO_SETTINGS: [&str; 40] = [
     "medium-bounds",
     "no-medium",
     "double-sided",
+    "thin-glass",
     "allow-path",
     "at",
     "animation",

@@ -267,6 +267,12 @@ impl File {
         if !extensions.is_empty() {
             out["extensions"] = extensions.into();
         }
+        if let Some(thin) = m.thin {
+            out["extras"]["thin"] = thin.into();
+        }
+        if m.thickness != 0.0 {
+            out["extras"]["thickness"] = number(m.thickness);
+        }
         out
     }
 

@@ -12,10 +12,11 @@ mod sky_image;
 use crate::error::Result;
 use crate::input::experiment::Experiment;
 use crate::scene::Scene;
+use crate::settings::ThinGlass;
 
 /// Adds the camera and the lights of `experiment`, or its scan, to a scene that was just loaded. Moves the scene's own camera if
-/// the user places it. Replaces the scene's media if the user gives media. Makes all surfaces double-sided if the user wants that.
-/// Call it once per scene, before [`super::resolve::resolve`].
+/// the user places it. Replaces the scene's media if the user gives media. Makes all surfaces double-sided, or all
+/// glass thin or solid, if the user wants that. Call it once per scene, before [`super::resolve::resolve`].
 ///
 /// Choices that depend on the scene, such as the place of an automatic camera, are written into `experiment`. So the experiment
 /// renders the same image later, even if the rules for these choices have changed.
@@ -26,6 +27,9 @@ pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<Strin
     let mut notes = vec![];
     if experiment.input.double_sided == Some(true) {
         scene.materials.iter_mut().for_each(|material| material.double_sided = true);
+    }
+    if let Some(choice @ (ThinGlass::All | ThinGlass::None)) = experiment.input.thin_glass {
+        scene.materials.iter_mut().for_each(|material| material.thin = Some(choice == ThinGlass::All));
     }
     medium::apply(&experiment.medium, scene)?;
     if let Some(table) = experiment.scan.clone() {

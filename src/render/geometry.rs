@@ -7,6 +7,7 @@ use glam::{DAffine2, DMat3, DVec3};
 use super::albedo::AlbedoTable;
 use super::duplicates::{Dropped, ShadingAttributes, drop_copies};
 use super::material::{Features, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, Material, MaterialSet};
+use super::sheets;
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
 use crate::scene::{Image, Instance, Mesh, Scene, Wrap};
@@ -33,6 +34,8 @@ pub struct Geometry {
     pub features: Features,
     /// Maximum travel time per length: the group index outside of solids, or the index of a transmissive material.
     pub max_ior: f32,
+    /// Upper bound on the delay of light by thin glass on one segment of a path, in units of render space.
+    pub max_delay: f64,
     /// Index in `materials` for each instance, with TRIANGLE_ bits.
     instance_materials: Vec<u32>,
     /// Index in `corners` of the first corner of each mesh; NONE for a mesh without attributes.
@@ -46,10 +49,9 @@ pub struct Geometry {
 impl Geometry {
     /// Flattens the scene into the coordinates of `space`, drops copies of triangles and builds the BVH.
     pub fn new(scene: &Scene, space: &RenderSpace, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
-        let mut materials = MaterialSet::new(scene, emitters, albedo);
+        let mut materials = MaterialSet::new(scene, emitters, albedo, space.unit);
         let (corners, attributes, first_corners) = attributes(scene);
-        let material = |instance: &Instance| materials.number(&scene.meshes[instance.mesh as usize], &instance.node);
-        let instance_materials = scene.instances.iter().map(material).collect();
+        let instance_materials = scene.instances.iter().map(|instance| materials.number(instance)).collect();
         let (textures, texels) = textures(scene, materials.features.textures);
         let mut geometry = Geometry {
             bvh: bvh::build(&[]),
@@ -63,6 +65,7 @@ impl Geometry {
             texels,
             features: materials.features,
             max_ior: materials.max_ior,
+            max_delay: if materials.features.delays { sheets::max_delay(scene) / space.unit } else { 0.0 },
             materials: materials.list,
             instance_materials,
             first_corners,

@@ -9,7 +9,7 @@ use super::media::interior_indices;
 use super::null_boundary;
 use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
-use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_MIRRORED, TRIANGLE_NULL};
+use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_MIRRORED, TRIANGLE_NULL, TRIANGLE_SHEET};
 use crate::wgsl::layout::{NONE, host_twins, shared_constants};
 
 host_twins! {
@@ -23,7 +23,8 @@ host_twins! {
         normal_texture: u32, normal_scale: f32, clearcoat: f32, clearcoat_alpha: f32,
         f0_color: [f32; 3], specular_color_texture: u32,
         specular_texture: u32, clearcoat_texture: u32, clearcoat_roughness_texture: u32, interior: u32,
-        retroreflection: f32, retroreflector_alpha: f32, transmission_texture: u32, pad: u32,
+        retroreflection: f32, retroreflector_alpha: f32, transmission_texture: u32, thickness: f32,
+        absorption: [f32; 3], pad: f32,
     }
 }
 
@@ -32,6 +33,7 @@ shared_constants! {
     MATERIAL_MASK: u32 = 2,
     MATERIAL_BLEND: u32 = 4,
     MATERIAL_VARIES: u32 = 8,
+    MATERIAL_THIN: u32 = 16,
     /// A lobe with a smaller GGX alpha is treated as perfectly smooth (a delta distribution).
     DELTA_ALPHA: f32 = 0.001,
     MIN_BELOW_COAT: f32 = 1e-4,
@@ -59,6 +61,9 @@ pub struct Features {
     pub retroreflectors: bool,
     /// Whether meshes bound media without bending light.
     pub null_boundaries: bool,
+    /// Whether there is thin glass, and whether it delays light.
+    pub sheets: bool,
+    pub delays: bool,
 }
 
 impl Material {
@@ -77,7 +82,7 @@ impl Material {
 
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 14] {
+    pub fn constants(&self) -> [(&'static str, f64); 16] {
         [
             ("HAS_TEXTURES", self.textures),
             ("HAS_SURFACE_TEXTURES", self.surface_textures),
@@ -93,9 +98,24 @@ impl Features {
             ("HAS_CLEARCOAT", self.clearcoat),
             ("HAS_RETROREFLECTORS", self.retroreflectors),
             ("HAS_NULL_BOUNDARIES", self.null_boundaries),
+            ("HAS_SHEETS", self.sheets),
+            ("HAS_DELAYS", self.delays),
         ]
         .map(|(name, on)| (name, if on { 1.0 } else { 0.0 }))
     }
+}
+
+/// What the device material of an instance depends on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Use {
+    /// Index into [`Scene::materials`].
+    material: u32,
+    /// Whether the node is a selected emitter.
+    is_emitter: bool,
+    /// Whether the mesh has tangents.
+    has_tangents: bool,
+    /// Thin glass: the bits of its thickness in metres.
+    sheet: Option<u32>,
 }
 
 /// The device materials that the scene uses. A material on a node that is not a selected emitter has no emission.
@@ -105,9 +125,13 @@ pub struct MaterialSet<'a> {
     albedo: &'a AlbedoTable,
     /// See [`interior_indices`].
     interiors: Vec<Option<u32>>,
-    /// One device material per triple (material, whether its node is a selected emitter, whether its mesh has tangents) in use.
+    /// One device material per [`Use`] of a material.
     pub list: Vec<Material>,
-    numbers: HashMap<(u32, bool, bool), u32>,
+    numbers: HashMap<Use, u32>,
+    /// Whether each mesh is thin glass, once this is known.
+    sheets: HashMap<u32, bool>,
+    /// Unit of length of render space, in metres.
+    unit: f64,
     pub features: Features,
     /// Maximum travel time per length: the group index outside of solids, or the index of a transmissive material.
     pub max_ior: f32,
@@ -116,7 +140,8 @@ pub struct MaterialSet<'a> {
 }
 
 impl<'a> MaterialSet<'a> {
-    pub fn new(scene: &'a Scene, emitters: &'a Emitters, albedo: &'a AlbedoTable) -> Self {
+    /// `unit`: unit of length of render space, in metres.
+    pub fn new(scene: &'a Scene, emitters: &'a Emitters, albedo: &'a AlbedoTable, unit: f64) -> Self {
         let [surrounding_ior, max_ior] = scene::surrounding_indices(&scene.media);
         MaterialSet {
             scene,
@@ -125,25 +150,34 @@ impl<'a> MaterialSet<'a> {
             interiors: interior_indices(scene),
             list: vec![],
             numbers: HashMap::new(),
+            sheets: HashMap::new(),
+            unit,
             features: Features::default(),
             max_ior,
             surrounding_ior,
         }
     }
 
-    /// Index in `list` of the material of `mesh` on `node`. The bit [`TRIANGLE_ALPHA`] says that rays may pass through the surface,
-    /// the bit [`TRIANGLE_NULL`] that they always do. A null boundary that is inside out gets the bit [`TRIANGLE_MIRRORED`], which turns
-    /// its triangles around.
-    pub fn number(&mut self, mesh: &scene::Mesh, node: &str) -> u32 {
+    /// Index in `list` of the material of the instance. The bit [`TRIANGLE_ALPHA`] says that rays may pass through the surface,
+    /// the bit [`TRIANGLE_NULL`] that they always do, and the bit [`TRIANGLE_SHEET`] that the surface is thin glass. A null boundary
+    /// that is inside out gets the bit [`TRIANGLE_MIRRORED`], which turns its triangles around.
+    pub fn number(&mut self, instance: &scene::Instance) -> u32 {
+        let mesh = &self.scene.meshes[instance.mesh as usize];
         let material = mesh.material;
         let source = &self.scene.materials[material as usize];
-        let key = (material, self.emitters.include(node), !mesh.tangents.is_empty());
+        let is_sheet = *self.sheets.entry(instance.mesh).or_insert_with(|| source.is_sheet(mesh));
+        let key = Use {
+            material,
+            is_emitter: self.emitters.include(&instance.node),
+            has_tangents: !mesh.tangents.is_empty(),
+            sheet: is_sheet.then(|| source.thickness_in(&instance.transform).to_bits()),
+        };
         let number = match self.numbers.get(&key) {
             Some(&n) => n,
             None => {
                 let n = self.list.len() as u32;
-                let converted = self.convert(source, key.1, key.2);
-                let interior = self.interiors[material as usize].unwrap_or(NONE);
+                let converted = self.convert(source, &key);
+                let interior = self.interiors[material as usize].filter(|_| !is_sheet).unwrap_or(NONE);
                 self.list.push(Material { interior, ..converted });
                 self.numbers.insert(key, n);
                 n
@@ -155,11 +189,13 @@ impl<'a> MaterialSet<'a> {
         let is_null = source.is_null_boundary(mesh, self.surrounding_ior);
         self.features.null_boundaries |= is_null;
         let null = if is_null { TRIANGLE_NULL } else { 0 };
+        let sheet = if is_sheet { TRIANGLE_SHEET } else { 0 };
         let turned = if is_null && null_boundary::is_inside_out(mesh) { TRIANGLE_MIRRORED } else { 0 };
-        number | alpha | null | turned
+        number | alpha | null | sheet | turned
     }
 
-    fn convert(&mut self, m: &scene::Material, is_emitter: bool, has_tangents: bool) -> Material {
+    fn convert(&mut self, m: &scene::Material, usage: &Use) -> Material {
+        let &Use { is_emitter, has_tangents, .. } = usage;
         let normal_texture = m.normal_texture.filter(|_| has_tangents);
         let ior = m.ior / self.surrounding_ior;
         let uncolored = ((ior - 1.0) / (ior + 1.0)).powi(2);
@@ -201,8 +237,18 @@ impl<'a> MaterialSet<'a> {
         self.features.transmission_textures |= transmission_texture.is_some();
         if transmits {
             self.features.transmission = true;
-            self.max_ior = self.max_ior.max(m.ior);
         }
+        let thickness = usage.sheet.map(f32::from_bits);
+        match thickness {
+            Some(thickness) => {
+                self.features.sheets = true;
+                self.features.delays |= thickness > 0.0;
+            }
+            None if transmits => self.max_ior = self.max_ior.max(m.ior),
+            None => {}
+        }
+        let thickness = f64::from(thickness.unwrap_or(0.0));
+        let absorbed = m.interior.as_ref().map_or([0.0; 3], |medium| medium.sigma_a);
         // Fraction of the light that the coat lets in on average. The lower bound avoids 0 / 0 for a perfect reflector.
         let below = (1.0 - self.albedo.mean(alpha.into(), f0.into(), f90.into())).max(MIN_BELOW_COAT.into());
         let (mode, cutoff) = match m.alpha_mode {
@@ -211,6 +257,7 @@ impl<'a> MaterialSet<'a> {
             AlphaMode::Blend => (MATERIAL_BLEND, 0.0),
         };
         let varying = if varies { MATERIAL_VARIES } else { 0 };
+        let thin = if usage.sheet.is_some() { MATERIAL_THIN } else { 0 };
         let material = Material {
             base_color: [m.base_color[0], m.base_color[1], m.base_color[2]],
             opacity: m.base_color[3],
@@ -223,7 +270,7 @@ impl<'a> MaterialSet<'a> {
             transmission: if transmits { m.transmission } else { 0.0 },
             diffuse_scale: (1.0 / (std::f64::consts::PI * below)) as f32,
             alpha_cutoff: cutoff,
-            flags: mode | varying | if m.double_sided { MATERIAL_DOUBLE_SIDED } else { 0 },
+            flags: mode | varying | thin | if m.double_sided { MATERIAL_DOUBLE_SIDED } else { 0 },
             base_texture: m.base_color_texture.unwrap_or(NONE),
             emission_texture: emission_texture.unwrap_or(NONE),
             f90,
@@ -241,7 +288,9 @@ impl<'a> MaterialSet<'a> {
             retroreflection: retroreflector.map_or(0.0, |retroreflector| retroreflector.share),
             retroreflector_alpha: retroreflector.map_or(0.0, |retroreflector| retroreflector.alpha() as f32),
             transmission_texture: transmission_texture.unwrap_or(NONE),
-            pad: 0,
+            thickness: (thickness / self.unit) as f32,
+            absorption: absorbed.map(|sigma| (sigma * thickness) as f32),
+            pad: 0.0,
         };
         let used = || material.textures().into_iter().filter(|&texture| texture != NONE);
         self.features.textures |= used().next().is_some();

@@ -40,6 +40,7 @@ mod samples;
 pub mod schedule;
 mod selection_cdf;
 mod sensor;
+pub mod sheets;
 mod solids;
 pub mod space;
 mod stats;

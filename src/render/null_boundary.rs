@@ -1,7 +1,5 @@
 //! The meshes that bound a medium. Rays find out which side they are on only if the mesh is closed and its triangles face outwards.
 
-use std::collections::HashMap;
-
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
@@ -12,7 +10,7 @@ pub fn check(scene: &Scene) -> Result<()> {
     let [outside, _] = surrounding_indices(&scene.media);
     for mesh in &scene.meshes {
         let material = &scene.materials[mesh.material as usize];
-        let edges = if must_be_closed(material, mesh, outside) { open_edges(mesh) } else { 0 };
+        let edges = if must_be_closed(material, mesh, outside) { mesh.open_edges() } else { 0 };
         if edges > 0 {
             return Err(Error::Settings(format!(
                 "mesh '{}' bounds a medium but is not closed ({edges} of its edges belong to one triangle only); close it, or \
@@ -42,25 +40,6 @@ pub fn is_inside_out(mesh: &Mesh) -> bool {
         a.dot(b.cross(c))
     });
     six_volumes.sum::<f64>() < 0.0
-}
-
-/// Number of edges that lack a partner: a triangle that runs along the edge in the other direction. Corners at the same position
-/// count as one.
-fn open_edges(mesh: &Mesh) -> usize {
-    // The sum turns -0 into 0.
-    let place = |corner: u32| mesh.positions[corner as usize].map(|x| (x + 0.0).to_bits());
-    let mut balance: HashMap<_, i64> = HashMap::new();
-    for triangle in &mesh.triangles {
-        let [a, b, c] = triangle.map(place);
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            match from < to {
-                true => *balance.entry((from, to)).or_default() += 1,
-                false => *balance.entry((to, from)).or_default() -= 1,
-            }
-        }
-    }
-    // An edge whose two ends have the same position has no direction, so it does not count.
-    balance.into_iter().filter(|((a, b), sum)| a != b && *sum != 0).count()
 }
 
 #[cfg(test)]
@@ -105,14 +84,14 @@ mod tests {
     fn shapes_are_closed_until_a_triangle_is_missing() {
         let shapes = [cuboid(DVec3::ZERO, DVec3::ONE), icosphere(1.0, 2), ball(1.0, 8, 4), torus(1.0, 0.3, 8, 6)];
         for mut mesh in shapes {
-            assert_eq!(open_edges(&mesh), 0);
+            assert_eq!(mesh.open_edges(), 0);
             mesh.triangles.pop();
-            assert!(open_edges(&mesh) > 0);
+            assert!(mesh.open_edges() > 0);
         }
         // A triangle that faces the other way.
         let mut turned = cuboid(DVec3::ZERO, DVec3::ONE);
         turned.triangles[0].reverse();
-        assert_eq!(open_edges(&turned), 3);
+        assert_eq!(turned.open_edges(), 3);
     }
 
     #[test]

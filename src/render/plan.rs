@@ -148,6 +148,8 @@ pub struct Plan {
     omitted_time: f32,
     /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
+    /// See [`Geometry::max_delay`](super::geometry::Geometry::max_delay).
+    max_delay: f64,
     pub space: RenderSpace,
     pub responses: Responses,
     frame: Frame,
@@ -193,6 +195,7 @@ impl Plan {
             max_depth: settings.max_depth(),
             adaptive: settings.sampling() == Sampling::Adaptive,
             features,
+            max_delay: prepared.geometry.max_delay,
             has_distant: emitters.has_distant,
             has_sky: !emitters.sky.is_empty(),
             is_orthographic: camera.projection.is_orthographic(),
@@ -259,8 +262,9 @@ impl Plan {
     /// Sets the seed and the responses. Then sets `dark` and the fields of the frame that depend on the gate and on the camera.
     pub fn set(&mut self, seed: u32, responses: Responses) {
         let gate = responses.support();
-        let hole =
-            responses.hole().map_or([OPEN; 2], |hole| [hole.lo, hole.hi].map(|end| self.space.length(end) as f32));
+        // A hole would have to be narrower where thin glass may still delay the light.
+        let hole = responses.hole().filter(|_| !self.features.delays);
+        let hole = hole.map_or([OPEN; 2], |hole| [hole.lo, hole.hi].map(|end| self.space.length(end) as f32));
         [self.frame.hole_lo, self.frame.hole_hi] = hole;
         self.responses = responses;
         // The distance to a point or to a convex box, such as `prepared_sensor`, is largest at a corner of the sensor.
@@ -279,10 +283,11 @@ impl Plan {
         let hi = if closed { gate.hi as f32 } else { OPEN };
         let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
         self.frame.seed = seed;
-        self.frame.gate_lo = gate.lo as f32;
+        self.frame.undelayed_lo = gate.lo as f32;
+        self.frame.gate_lo = (gate.lo - self.max_delay) as f32;
         self.frame.gate_hi = hi;
         self.frame.rounding_allowance = rounding_allowance;
-        let width = gate.hi - gate.lo;
+        let width = gate.hi - gate.lo + self.max_delay;
         // A detour is at least as long as the gate is wide. If the path with the detour is inside the gate, the straight connection
         // is too short for the gate. So no pair of vertices has both kinds of connections. Detours must also be longer than their
         // rounding errors. They lie outside of solids, so their travel time per length is `group_index`.

@@ -10,7 +10,7 @@ use super::media::Media;
 use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, far_objects, grid, null_boundary, oversized, pinhole_in_fog};
+use super::{coplanar, far_objects, grid, null_boundary, oversized, pinhole_in_fog, sheets};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -157,7 +157,7 @@ impl PreparedScene {
         let at_pinhole = pinhole_in_fog::warning(scene, settings, space, self.sensor, self.powers());
         let coplanar = coplanar::warnings(scene, geometry, space);
         let warnings = copies.into_iter().chain(oversized).chain(far).chain(unplaced).chain(at_pinhole).chain(coplanar);
-        warnings.chain(grid::warnings(scene)).collect()
+        warnings.chain(grid::warnings(scene)).chain(sheets::warnings(scene)).collect()
     }
 
     /// Number of triangles over all instances, without copies.

@@ -37,7 +37,7 @@ impl Solids {
         let mut by_instance: BTreeMap<u32, Solid> = BTreeMap::new();
         let transmits = |t: &&Triangle| {
             let material = &geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize];
-            material.transmission > 0.0 && t.material & TRIANGLE_NULL == 0
+            material.transmission > 0.0 && t.material & (TRIANGLE_NULL | TRIANGLE_SHEET) == 0
         };
         for t in geometry.triangles.iter().filter(transmits) {
             let material = t.material & TRIANGLE_MATERIAL;

@@ -58,7 +58,7 @@ impl TravelTimeBounds {
         // A solid may be faster than its surroundings, as an air bubble in water is.
         let least_index = if geometry.features.transmission { 1.0 } else { f64::from(media.surrounding[1]) };
         let indices = [least_index, geometry.max_ior.into()];
-        let max_segment = space.unit * diameter * indices[1] * (1.0 + SLACK);
+        let max_segment = space.unit * (diameter * indices[1] + geometry.max_delay) * (1.0 + SLACK);
         let min = space.unit * min * least_index * (1.0 - SLACK);
         TravelTimeBounds { min, max_segment, indices, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }

@@ -30,6 +30,7 @@ mod retroreflector;
 mod root;
 mod texture;
 mod texture_use;
+mod thin_glass;
 mod volume;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -1,5 +1,7 @@
 //! Materials: their fields, constructors for common kinds, and the range of each field.
 
+use glam::DAffine3;
+
 use super::Mesh;
 use super::check::{Checked, below};
 use super::medium::Medium;
@@ -114,8 +116,15 @@ pub struct Material {
     pub double_sided: bool,
     /// A lobe that reflects a part of the light back to where it came from, as road signs and number plates do.
     pub retroreflector: Option<Retroreflector>,
-    /// The medium inside closed meshes of this material, which must transmit light.
+    /// The medium inside closed meshes of this material, which must transmit light. Thin glass only absorbs light, along its thickness.
     pub interior: Option<Medium>,
+    /// Whether surfaces that transmit light are thin glass: light passes straight on, and they bound no solid. `None`: open meshes are
+    /// thin, closed ones are solid.
+    pub thin: Option<bool>,
+    /// Thickness of thin glass in metres, >= 0. It delays light.
+    pub thickness: f32,
+    /// KHR_materials_volume: thickness of thin glass in the units of the mesh, >= 0. It adds to `thickness`.
+    pub volume_thickness: f32,
 }
 
 impl Material {
@@ -147,6 +156,9 @@ impl Material {
             double_sided: true,
             retroreflector: None,
             interior: None,
+            thin: None,
+            thickness: 0.0,
+            volume_thickness: 0.0,
         }
     }
 
@@ -176,6 +188,17 @@ impl Material {
         self.transmission > 0.0 && (self.metallic < 1.0 || self.surface_texture.is_some())
     }
 
+    /// Whether `mesh`, which has this material, is thin glass: it transmits light and bounds no solid.
+    pub fn is_sheet(&self, mesh: &Mesh) -> bool {
+        self.transmits() && self.thin.unwrap_or_else(|| !mesh.is_closed())
+    }
+
+    /// Thickness in metres of thin glass that `transform` places.
+    pub(crate) fn thickness_in(&self, transform: &DAffine3) -> f32 {
+        let scale = transform.matrix3.determinant().abs().cbrt();
+        (f64::from(self.thickness) + f64::from(self.volume_thickness) * scale) as f32
+    }
+
     /// Whether `mesh`, which has this material, only bounds a medium. It then does not reflect, refract or colour light. `outside`: index
     /// of refraction outside of the mesh. Such boundaries do not count as vertices of paths.
     pub fn is_null_boundary(&self, mesh: &Mesh, outside: f32) -> bool {
@@ -184,6 +207,7 @@ impl Material {
         let only_transmits = transmits && self.metallic == 0.0 && self.clearcoat == 0.0;
         let is_white = || mesh.colors.iter().all(|color| color[..3] == [1.0; 3]);
         self.interior.is_some()
+            && self.thin != Some(true)
             && self.ior == outside
             && is_clear
             && only_transmits
@@ -231,6 +255,11 @@ impl Material {
         }
         if !(self.ior.is_finite() && self.ior >= 1.0) {
             return Err(format!("{} has an ior of {}; it must be 1 or more", name(), self.ior));
+        }
+        for thickness in [self.thickness, self.volume_thickness] {
+            if !(thickness.is_finite() && thickness >= 0.0) {
+                return Err(format!("{} has a thickness of {thickness}; it must be 0 or more", name()));
+            }
         }
         if let Some(retroreflector) = &self.retroreflector {
             retroreflector.check(self.transmission, &name())?;

@@ -13,6 +13,7 @@ pub mod grid;
 mod light;
 mod material;
 mod medium;
+mod mesh_shape;
 mod optical_thickness;
 mod sky;
 mod tangents;

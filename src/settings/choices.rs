@@ -80,6 +80,31 @@ impl UseEllipsoids {
     }
 }
 
+/// Which surfaces with transmission are thin glass. Light passes straight through thin glass, and refracts at solid glass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ThinGlass {
+    /// Those of open meshes, and those whose material says so.
+    Auto,
+    /// All of them.
+    All,
+    /// None.
+    None,
+}
+
+impl ThinGlass {
+    /// All choices.
+    pub const ALL: [ThinGlass; 3] = [ThinGlass::Auto, ThinGlass::All, ThinGlass::None];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            ThinGlass::Auto => "auto",
+            ThinGlass::All => "all",
+            ThinGlass::None => "none",
+        }
+    }
+}
+
 /// The factors of a tree node's importance beside its power, for the estimator `lcs`. The mean of the image does not depend on
 /// them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -249,5 +274,22 @@ impl FromStr for Strategies {
             .into_iter()
             .find(|s| s.name() == text)
             .ok_or_else(|| Error::Settings(format!("'{text}' is not a set of strategies: choose all or paper")))
+    }
+}
+
+impl fmt::Display for ThinGlass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for ThinGlass {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<ThinGlass> {
+        ThinGlass::ALL
+            .into_iter()
+            .find(|choice| choice.name() == text)
+            .ok_or_else(|| Error::Settings(format!("'{text}' does not say which glass is thin: choose auto, all or none")))
     }
 }

@@ -41,7 +41,7 @@ pub mod units;
 pub mod values;
 
 pub use self::builder::SettingsBuilder;
-pub use self::choices::{Budget, Crop, Emitters, Importance, Sampling, Strategies, UseEllipsoids};
+pub use self::choices::{Budget, Crop, Emitters, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids};
 pub use self::response::{Edge, Response};
 pub use self::responses::Responses;
 use crate::error::{Error, Result};

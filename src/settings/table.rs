@@ -112,6 +112,10 @@ table! {
         /// as double-sided
         double_sided: bool, Setting::scene("double-sided", "").form(Form::Switch);
 
+        /// Glass that is thin: light passes straight on, as through a window that is modelled as one plane; other glass is solid and
+        /// refracts light. auto: glass of open meshes, and glass whose material has extras.thin = true [default: auto]
+        thin_glass: ThinGlass, Setting::scene("thin-glass", "auto|all|none");
+
         /// Also read files of a .gltf scene that lie in this folder or below, such as ../textures; other files must lie in the folder
         /// of the scene or below; may be repeated
         allow_path: Folders, Setting::scene("allow-path", "DIR").form(Form::Repeated);

@@ -16,7 +16,7 @@ use crate::settings::gates::Gates;
 use crate::settings::optical_path::OpticalPath;
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
-use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies, UseEllipsoids};
+use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids};
 
 /// Width and height in pixels, such as `640x480`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -174,7 +174,7 @@ macro_rules! serde_as_list {
     )+};
 }
 
-serde_as_text!(Frames, Gate, Gates, Depth, OpticalPath, Seconds, Estimator, Sampling, Strategies, UseEllipsoids);
+serde_as_text!(Frames, Gate, Gates, Depth, OpticalPath, Seconds, Estimator, Sampling, Strategies, ThinGlass, UseEllipsoids);
 serde_as_list! {
     Resolution, "x", "expected width and height, like \"640x480\" or [640, 480]";
     Crop, ",", "expected four numbers, like \"0,100,0,50\" or [0, 100, 0, 50]";
@@ -182,7 +182,7 @@ serde_as_list! {
     Aov, ",", "expected \"all\" or a list of layers";
 }
 
-value_from_text!(Gate, Gates, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, UseEllipsoids, Aov, Exposure, Emitters {
+value_from_text!(Gate, Gates, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids, Aov, Exposure, Emitters {
     fn and(self, later: Emitters) -> Emitters {
         match (self, later) {
             (Emitters::Nodes(names), Emitters::Nodes(more)) => Emitters::Nodes([names, more].concat()),

@@ -53,7 +53,7 @@ host_twins! {
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
         hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
-        vertex_count: u32, sensor_solid: u32, pad0: u32, pad1: u32,
+        vertex_count: u32, sensor_solid: u32, undelayed_lo: f32, pad1: u32,
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -134,6 +134,7 @@ pub mod constants {
         TRIANGLE_MIRRORED: u32 = 0x2000_0000,
         TRIANGLE_DETAILED: u32 = 0x1000_0000,
         TRIANGLE_NULL: u32 = 0x0800_0000,
+        TRIANGLE_SHEET: u32 = 0x0400_0000,
         TANGENT_MIRRORED: u32 = 0x1_0000,
         TEXTURE_TRANSFORM_SHIFT: u32 = 5,
         TRIANGLE_MATERIAL: u32 = 0x00ff_ffff,

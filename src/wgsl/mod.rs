@@ -65,6 +65,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/scene",
     "shared/segment",
     "shared/shade_point",
+    "shared/sheet",
     "shared/sky",
     "shared/slots",
     "shared/sobol",

@@ -50,10 +50,10 @@ impl Plan {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
 
-    /// Whether the estimator uses the gate to choose where paths scatter in media. It cannot do so in scenes with null boundaries,
-    /// because it does not know which null boundaries lie on segments that it does not trace.
+    /// Whether the estimator uses the gate to choose where paths scatter in media. It cannot do so in scenes with null boundaries or thin
+    /// glass, because it does not know which of them lie on segments that it does not trace.
     fn uses_gate_in_media(&self) -> bool {
-        self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries
+        self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries && !self.features.sheets
     }
 
     /// Whether sensor subpaths fly towards the places from which light can arrive inside the gate. The choice of these
@@ -84,5 +84,5 @@ impl Plan {
 
 /// Whether light is faster in a transmitting solid than outside, where it travels with `group_index`.
 pub fn has_fast_solids(scene: &Scene, group_index: f32) -> bool {
-    scene.materials.iter().any(|material| material.transmits() && material.ior < group_index)
+    scene.materials.iter().any(|material| material.transmits() && material.thin != Some(true) && material.ior < group_index)
 }

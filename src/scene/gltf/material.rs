@@ -11,7 +11,7 @@ use super::document::{Document, Warnings, finite, label};
 use super::material_extension::{Clearcoat, SpecularGlossiness, read};
 use super::texture::{Channels, Textures};
 use super::texture_use::{TextureUse, UvMapping, add_all, as_info};
-use super::{Checked, retroreflector};
+use super::{Checked, retroreflector, thin_glass};
 use crate::scene::{AlphaMode, Image, Material};
 
 /// All materials of the file in its order, and the textures that they use.
@@ -228,7 +228,7 @@ impl Materials {
         }
         let [.., specular_texture, specular_color_texture, clearcoat_texture, _, _] = textures;
         let [.., clearcoat_roughness_texture, transmission_texture] = textures;
-        Ok(Material {
+        let mut material = Material {
             base_color,
             base_color_texture,
             metallic,
@@ -254,8 +254,13 @@ impl Materials {
             double_sided: source.double_sided,
             retroreflector: retroreflector::read(&source.extras, &name)?,
             interior: None,
+            thin: None,
+            thickness: 0.0,
+            volume_thickness: 0.0,
             name,
-        })
+        };
+        thin_glass::read(&source.extras, &mut material, warnings);
+        Ok(material)
     }
 
     fn warn_of_limits(&self, warnings: &mut Warnings) {

@@ -69,9 +69,12 @@ pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut 
         let name = label(source.name.as_deref(), "material", index);
         material.interior = read(&source.extras, &format!("material `{name}`"))?;
         // A volume without transmission is not visible.
-        if material.transmission > 0.0
-            && let Some(absorption) = volume::absorption(source, &name, warnings)?
-        {
+        if material.transmission == 0.0 {
+            continue;
+        }
+        let (thickness, absorption) = volume::read_volume(source, &name, warnings)?;
+        material.volume_thickness = thickness;
+        if let Some(absorption) = absorption {
             let sigma_a = &mut material.interior.get_or_insert_default().sigma_a;
             *sigma_a = [0, 1, 2].map(|k| (sigma_a[k] + absorption[k]).min(MAX_COEFFICIENT));
         }

@@ -1,4 +1,4 @@
-//! KHR_materials_volume: absorption inside of transmissive meshes.
+//! KHR_materials_volume: the thickness of thin glass, and absorption inside of glass.
 
 use ::gltf::json;
 
@@ -7,7 +7,8 @@ use super::document::Warnings;
 use super::material_extension::read;
 use crate::scene::MAX_COEFFICIENT;
 
-/// The extension. Thickness textures serve renderers without ray tracing; here the mesh itself says how long light travels inside.
+/// The extension. Thickness textures are not read: the mesh itself says how long light travels inside of a solid, and thin glass has the
+/// same thickness everywhere.
 #[derive(serde::Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct Volume {
@@ -22,22 +23,25 @@ impl Default for Volume {
     }
 }
 
-/// Absorption coefficients per metre inside of meshes of a material that transmits light; `None` if nothing is absorbed. `name` names
-/// the material.
-pub fn absorption(source: &json::Material, name: &str, warnings: &mut Warnings) -> Checked<Option<[f64; 3]>> {
+/// Thickness in units of the mesh, and absorption coefficients per metre inside of meshes of a material that transmits light; `None` if
+/// nothing is absorbed. `name` names the material.
+pub fn read_volume(source: &json::Material, name: &str, warnings: &mut Warnings) -> Checked<(f32, Option<[f64; 3]>)> {
     let others = source.extensions.as_ref().map(|extensions| &extensions.others);
     let volume = others.map(|others| read::<Volume>(others, "KHR_materials_volume", name)).transpose()?.flatten();
-    let Some(Volume { thickness_factor, attenuation_distance, attenuation_color }) = volume else { return Ok(None) };
+    let Some(Volume { thickness_factor, attenuation_distance, attenuation_color }) = volume else { return Ok((0.0, None)) };
+    if !(thickness_factor.is_finite() && thickness_factor >= 0.0) {
+        return Err(format!("the thicknessFactor of material `{name}` is {thickness_factor}; it must be 0 or more"));
+    }
     if !attenuation_color.iter().all(|x| (0.0..=1.0).contains(x)) {
         return Err(format!("the attenuationColor of material `{name}` is not from 0 to 1; correct it and re-export"));
     }
     // The default distance is infinite.
-    let Some(distance) = attenuation_distance else { return Ok(None) };
+    let Some(distance) = attenuation_distance else { return Ok((thickness_factor, None)) };
     if distance <= 0.0 {
         return Err(format!("the attenuationDistance of material `{name}` is {distance}; it must be above 0"));
     }
     if attenuation_color == [1.0; 3] {
-        return Ok(None);
+        return Ok((thickness_factor, None));
     }
     if thickness_factor == 0.0 {
         warnings.once("thin walls", || {
@@ -46,7 +50,8 @@ pub fn absorption(source: &json::Material, name: &str, warnings: &mut Warnings) 
                  above 0 to colour the glass (first: material `{name}`)"
             )
         });
-        return Ok(None);
+        return Ok((thickness_factor, None));
     }
-    Ok(Some(attenuation_color.map(|color| (-color.ln() / distance).clamp(0.0, MAX_COEFFICIENT))))
+    let absorption = attenuation_color.map(|color| (-color.ln() / distance).clamp(0.0, MAX_COEFFICIENT));
+    Ok((thickness_factor, Some(absorption)))
 }

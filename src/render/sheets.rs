@@ -1,0 +1,152 @@
+//! Thin glass of a scene: which surfaces it is, how long it delays light, and warnings about glass that is probably meant otherwise.
+
+use std::collections::BTreeMap;
+
+use crate::scene::{Material, Mesh, Scene, surrounding_indices};
+
+/// A ray is assumed to cross a curved sheet at most this often, if the sheet delays light.
+const CROSSINGS: usize = 8;
+/// A segment is assumed to pass at most this many sheets that delay light.
+const MAX_DELAYS: usize = 16;
+
+/// Upper bound in metres on the delay of light by thin glass on one segment of a path. The delay by a sheet of thickness d is largest
+/// along the sheet: d sqrt(n^2 - n0^2), where n and n0 are the indices of refraction of the glass and outside.
+pub fn max_delay(scene: &Scene) -> f64 {
+    let [outside, _] = surrounding_indices(&scene.media).map(f64::from);
+    let mut delays = vec![];
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let material = &scene.materials[mesh.material as usize];
+        let thickness = f64::from(material.thickness_in(&instance.transform));
+        if thickness == 0.0 || !material.is_sheet(mesh) {
+            continue;
+        }
+        let delay = thickness * (f64::from(material.ior).powi(2) - outside * outside).max(0.0).sqrt();
+        let crossings = if mesh.is_flat() { 1 } else { CROSSINGS.min(mesh.triangles.len()) };
+        delays.extend(std::iter::repeat_n(delay, crossings));
+    }
+    delays.sort_by(|a, b| b.total_cmp(a));
+    delays.iter().take(MAX_DELAYS).sum()
+}
+
+/// Glass of a scene whose surfaces are all thin, or all solid.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Glass {
+    /// Name of the material.
+    pub material: String,
+    /// Whether light passes straight on.
+    pub thin: bool,
+    /// Why, as the rest of a sentence.
+    pub why: String,
+}
+
+/// The glass of the scene: one entry per material and kind, in the order of the materials.
+pub fn glass(scene: &Scene) -> Vec<Glass> {
+    let mut kinds: BTreeMap<(u32, bool), Vec<&str>> = BTreeMap::new();
+    for mesh in placed_meshes(scene) {
+        let material = &scene.materials[mesh.material as usize];
+        if material.transmits() && !material.is_null_boundary(mesh, surrounding_indices(&scene.media)[0]) {
+            kinds.entry((mesh.material, material.is_sheet(mesh))).or_default().push(&mesh.name);
+        }
+    }
+    let kinds = kinds.into_iter().map(|((index, thin), meshes)| {
+        let material = &scene.materials[index as usize];
+        let why = match (material.thin, thin) {
+            (Some(_), _) => "as extras.thin or --thin-glass says".into(),
+            (None, true) => format!("{} is not closed, so it bounds no solid", named(&meshes)),
+            (None, false) => format!("{} is closed", named(&meshes)),
+        };
+        Glass { material: material.name.clone(), thin, why }
+    });
+    kinds.collect()
+}
+
+/// Warnings about thin glass that is probably meant to be solid, and about properties that have no effect; one sentence each.
+pub fn warnings(scene: &Scene) -> Vec<String> {
+    let mut warnings = vec![];
+    let mut named: Vec<(u32, Kind)> = vec![];
+    for mesh in placed_meshes(scene) {
+        let material = &scene.materials[mesh.material as usize];
+        if !material.is_sheet(mesh) {
+            continue;
+        }
+        for kind in [Kind::AlmostClosed, Kind::Water, Kind::RoughDelay, Kind::NoThickness] {
+            if kind.applies(material, mesh) && !named.contains(&(mesh.material, kind)) {
+                named.push((mesh.material, kind));
+                warnings.push(kind.text(material, mesh));
+            }
+        }
+    }
+    warnings
+}
+
+/// What may be wrong with thin glass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// A few triangles of a solid are missing.
+    AlmostClosed,
+    /// An open mesh with a thickness from KHR_materials_volume: often water without a bottom, or two faces of a pane.
+    Water,
+    /// Rough thin glass with a thickness, which does not delay light.
+    RoughDelay,
+    /// Glass that absorbs, but has no thickness.
+    NoThickness,
+}
+
+impl Kind {
+    fn applies(self, material: &Material, mesh: &Mesh) -> bool {
+        let is_rough = material.roughness * material.roughness >= super::material::DELTA_ALPHA;
+        let thickness = material.thickness + material.volume_thickness;
+        match self {
+            // A patch with few triangles has many open edges.
+            Kind::AlmostClosed => {
+                material.thin.is_none() && !mesh.is_flat() && 10 * mesh.open_edges() < 3 * mesh.triangles.len() / 2
+            }
+            Kind::Water => {
+                material.thin.is_none() && material.volume_thickness > 0.0 && !Kind::AlmostClosed.applies(material, mesh)
+            }
+            Kind::RoughDelay => is_rough && thickness > 0.0,
+            Kind::NoThickness => {
+                thickness == 0.0 && material.interior.as_ref().is_some_and(|medium| medium.sigma_a != [0.0; 3])
+            }
+        }
+    }
+
+    fn text(self, material: &Material, mesh: &Mesh) -> String {
+        let (name, mesh_name) = (&material.name, &mesh.name);
+        match self {
+            Kind::AlmostClosed => format!(
+                "mesh '{mesh_name}' of glass '{name}' is almost closed ({} of {} edges are open), but open glass is thin: light passes \
+                 straight on; close the mesh, or render with --thin-glass none if it is solid",
+                mesh.open_edges(),
+                3 * mesh.triangles.len() / 2
+            ),
+            Kind::Water => format!(
+                "mesh '{mesh_name}' of glass '{name}' is open and has a thickness, so it is thin glass; close the mesh if it is the \
+                 surface of water or of another solid; leave out one of two parallel faces if it is a pane"
+            ),
+            Kind::RoughDelay => {
+                format!("the thin glass '{name}' is rough, so its thickness does not delay light; lower its roughness to 0 if it should")
+            }
+            Kind::NoThickness => {
+                format!("the thin glass '{name}' has no thickness, so its medium absorbs nothing; set extras.thickness in metres")
+            }
+        }
+    }
+}
+
+/// The meshes that at least one instance places.
+fn placed_meshes(scene: &Scene) -> impl Iterator<Item = &Mesh> {
+    let mut is_placed = vec![false; scene.meshes.len()];
+    scene.instances.iter().for_each(|instance| is_placed[instance.mesh as usize] = true);
+    scene.meshes.iter().zip(is_placed).filter_map(|(mesh, is_placed)| is_placed.then_some(mesh))
+}
+
+/// The meshes in words: the first name, and the number of others.
+fn named(meshes: &[&str]) -> String {
+    match meshes {
+        [] => String::new(),
+        [mesh] => format!("mesh '{mesh}'"),
+        [mesh, others @ ..] => format!("mesh '{mesh}' (as {} more)", others.len()),
+    }
+}
