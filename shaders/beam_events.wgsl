@@ -64,6 +64,9 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     segment.length = distance(event.position, start.position);
+    if (HAS_SHEETS) {
+        event.throughput *= transit_before(segment.length).weight;
+    }
     event.throughput *= 1.0 - flight_share(event, segment, sensor);
     event.flags |= VERTEX_VALID | (1u << VERTEX_RANDOM_SHIFT);
     vertices[slot] = event;

@@ -55,7 +55,11 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
     // The first slots serve the segment before q (slots.wgsl).
     if (DRAWS_IN_GATE && slot % frame.slots < frame.deterministic_count) {
+        let start = segment_start(q, segments[q.owner]);
         q = draw_in_gate(q, segments[q.owner], v, flight_uniforms(key).xy);
+        if (HAS_SHEETS) {
+            pass_sheets_before(&q, start);
+        }
     }
 
     let segment = segment_between(q.position, v.position);

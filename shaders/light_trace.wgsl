@@ -38,14 +38,12 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     var v = arrival.vertex;
-    if (HAS_SHEETS && arrival.transit.scatters) {
+    if (HAS_SHEETS && was_deterministic && arrival.transit.scatters) {
         // Such a sheet has been hit by a part of the paths, so the paths behind it are random, and each carries its share of the power.
-        if (was_deterministic) {
-            let share = 1.0 / (s.select_pdf * f32(frame.light_paths));
-            s.throughput *= share;
-            v.throughput *= share;
-            was_deterministic = false;
-        }
+        let share = 1.0 / (s.select_pdf * f32(frame.light_paths));
+        s.throughput *= share;
+        v.throughput *= share;
+        was_deterministic = false;
         s.flags &= ~(PATH_DETERMINISTIC | PATH_LEAVES_CONNECTED);
     }
     let depth = dispatch.bounce + 1u;

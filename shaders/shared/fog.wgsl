@@ -122,6 +122,17 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     return event;
 }
 
+// Multiplies the throughput of an event that was drawn on the segment of a sensor subpath by the transmittance of the thin glass between
+// the start of the segment and the event. The subpath has passed this glass at random, but `draw_in_gate` does not know where.
+fn pass_sheets_before(event: ptr<function, PathVertex>, start: vec3<f32>) {
+    let way = start - (*event).position;
+    goes_back = true;
+    // The ray ends before the surface at the start.
+    trace((*event).position, way, 1.0 - 1e-5, true, NONE, vec4<u32>(0u));
+    goes_back = false;
+    (*event).throughput *= transit.weight;
+}
+
 // The share for which the splat of v counts, if a flight along a beam has ended in the event v. If beam_events.wgsl has drawn v, its splat
 // counts for the rest. The shares follow the power heuristic (Eq. 27, beta = 2). `segment`: the segment of the beam up to v. `sensor`:
 // see `sensor_vertex`.

@@ -12,7 +12,7 @@
 struct Sheet {
     // Share of the light that passes, per channel. 0 if no light passes, or if the sheet scatters it.
     share: vec3<f32>,
-    // Probability that a ray of a subpath passes.
+    // Probability that a ray of a subpath passes: the light that passes, over this light and the light that does not pass.
     probability: f32,
     // Extra travel time of the light that passes.
     delay: f32,
@@ -45,6 +45,8 @@ const MAX_SHEETS: u32 = 16u;
 // How a ray of `trace` that needs a hit treats sheets: it passes at random, as the rays of subpaths do. Or it follows a beam of zero
 // radius: it passes all sheets that do not scatter, so that the first vertex of the beam is not random.
 var<private> follows_beam: bool = false;
+// Whether `trace` goes back along a segment of a subpath, to find the sheets that the subpath has passed there.
+var<private> goes_back: bool = false;
 // Stratified numbers for the first two sheets that the next ray meets; negative if there are none.
 var<private> sheet_numbers: vec2<f32> = vec2<f32>(-1.0);
 
@@ -106,16 +108,17 @@ fn sheet_at(s: Surface, direction: vec3<f32>) -> Sheet {
     }
     let cosine = min(abs(dot(s.normal, direction)), 1.0);
     let cosine_inside = sqrt(max(1.0 - (1.0 - cosine * cosine) / square(b.eta_below), 0.0));
-    var share = (1.0 - b.metallic) * b.transmission * (1.0 - glass_reflectance(b, cosine)) * b.base;
+    var clear = (1.0 - b.metallic) * b.transmission * (1.0 - glass_reflectance(b, cosine));
     if (is_coated(b)) {
-        share *= square(1.0 - clearcoat_albedo(b, cosine));
+        clear *= square(1.0 - clearcoat_albedo(b, cosine));
     }
-    share *= exp(-m.absorption / max(cosine_inside, 1e-4));
+    let share = clear * b.base * exp(-m.absorption / max(cosine_inside, 1e-4));
+    let most = max_component(share);
     let delay = max(m.thickness * SURROUNDING_IOR * (b.eta_below * cosine_inside - cosine), 0.0);
     // Rays that hit a sheet that shines must find its emission.
     let limit = select(1.0, 0.5, max_component(m.emission) > 0.0);
     let diffuse = b.metallic < 1.0 && b.transmission < 1.0;
-    return Sheet(share, min(max_component(share), limit), delay, diffuse || has_rough_clearcoat(m, point_words(s)));
+    return Sheet(share, min(most / max(most + (1.0 - clear), 1e-30), limit), delay, diffuse || has_rough_clearcoat(m, point_words(s)));
 }
 
 // Whether the ray along `direction` (unit) passes the sheet at `s`, which lies at the distance `t`. Notes the sheet if so. `is_shadow`:
@@ -124,6 +127,10 @@ fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f3
     let sheet = sheet_at(s, direction);
     if (sheet.probability <= 0.0) {
         return false;
+    }
+    if (goes_back) {
+        note_sheet(t, Transit(sheet.share / sheet.probability, sheet.delay, sheet.scatters));
+        return true;
     }
     if (is_shadow || (follows_beam && !sheet.scatters)) {
         note_sheet(t, Transit(sheet.share, sheet.delay, sheet.scatters));

@@ -85,6 +85,9 @@ fn lets_pass(hit: Hit, key: vec4<u32>, count: u32) -> bool {
     if ((load_triangle(hit.triangle).material & TRIANGLE_ALPHA) == 0u) {
         return false;
     }
+    if (HAS_SHEETS && goes_back) {
+        return true;
+    }
     if (AT_HALF_COVERAGE) {
         return coverage(surface_at(hit.triangle, hit.u, hit.v)) < 0.5;
     }

@@ -35,6 +35,7 @@ mod sphere;
 mod strategies;
 mod sun;
 mod surface;
+mod thin_glass;
 mod trees;
 mod water;
 mod z_map;

@@ -204,3 +204,20 @@ fn a_renderer_with_a_sky_takes_no_gate() {
     assert!(error.contains("infinitely far away"), "{error}");
     assert!(renderer.restart(1, Gate::OPEN).is_ok());
 }
+
+/// Thin glass under a white sky: what it does not transmit, it reflects. Rough thin glass loses a little between its facets.
+#[test]
+fn thin_glass_vanishes_under_a_white_sky() {
+    let pane = || quad(DVec3::new(-3.0, -3.0, 0.0), DVec3::X * 6.0, DVec3::Y * 6.0, [1.0; 2]);
+    let of = |roughness: f32, transmission: f32| {
+        let look = Material { roughness, transmission, specular: 0.0, ..glass("pane") };
+        under_the_sky(vec![(look, pane())], DVec3::new(1.0, 0.5, 2.0), 0.3)
+    };
+    sees("smooth", &of(0.0, 1.0), 4, RADIANCE.into());
+    sees("partial", &of(0.0, 0.5), 4, RADIANCE.into());
+    for estimator in unlike_estimators(&of(0.3, 1.0)) {
+        let (mean, error) = radiance(estimator, &of(0.3, 1.0), 4);
+        let share = mean / f64::from(RADIANCE);
+        assert!((0.97..1.0 + 4.5 * error).contains(&share), "{estimator}: {share} +- {error}");
+    }
+}

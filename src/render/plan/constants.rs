@@ -50,10 +50,10 @@ impl Plan {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
 
-    /// Whether the estimator uses the gate to choose where paths scatter in media. It cannot do so in scenes with null boundaries or thin
-    /// glass, because it does not know which of them lie on segments that it does not trace.
+    /// Whether the estimator uses the gate to choose where paths scatter in media. It cannot do so in scenes with null boundaries, or with
+    /// thin glass that delays light, because it does not know which of them lie on segments that it does not trace.
     fn uses_gate_in_media(&self) -> bool {
-        self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries && !self.features.sheets
+        self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries && !self.features.delays
     }
 
     /// Whether sensor subpaths fly towards the places from which light can arrive inside the gate. The choice of these
