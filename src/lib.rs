@@ -31,6 +31,8 @@ mod estimators;
 #[allow(missing_docs)]
 mod files;
 #[allow(missing_docs)]
+mod free_memory;
+#[allow(missing_docs)]
 mod generate;
 #[allow(missing_docs)]
 mod gpu;
@@ -69,7 +71,7 @@ pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{
     Aim, AlphaMode, Camera, DensityGrid, GridFilter, Image, Instance, Light, LightKind, Material, Medium, Mesh,
-    PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, Wrap,
+    PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, UnusableCamera, Wrap,
 };
 pub use settings::SettingsBuilder;
 pub use settings::frequencies::Frequencies;
@@ -89,6 +91,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, tev, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, tev, wgsl,
     }
 }

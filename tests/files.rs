@@ -8,11 +8,12 @@ use std::path::Path;
 use std::time::Duration;
 
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
-    MetaData, SampleType, Vec2, WritableImage, f16,
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, IntegerBounds, Layer,
+    LayerAttributes, MetaData, SampleType, Vec2, WritableImage, f16,
 };
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::image::exr_file::{self, Provenance, read_picture};
+use taugate::internals::image::exr_header::read_size;
 use taugate::internals::image::film::Film;
 use taugate::internals::image::layers::{Layers, Plane};
 use taugate::internals::image::png_file;
@@ -140,6 +141,15 @@ fn a_header_that_claims_a_huge_image_is_refused() {
         let message = read_picture(&path).unwrap_err().to_string();
         assert!(message.contains(part), "{message}");
     }
+    // The display window of another program's picture alone.
+    write_windows(&path, [0, 0], [4, 2], [0, 0]);
+    let mut bytes = std::fs::read(&path).unwrap();
+    let window = b"displayWindow\0box2i\0";
+    let at = bytes.windows(window.len()).position(|w| w == window).unwrap() + window.len() + 12;
+    bytes[at..at + 8].copy_from_slice(&[7999i32.to_le_bytes(); 2].concat());
+    std::fs::write(&path, bytes).unwrap();
+    let message = read_picture(&path).unwrap_err().to_string();
+    assert!(message.contains("8000 x 8000 pixels, too many for its"), "{message}");
 }
 
 #[test]
@@ -207,7 +217,48 @@ fn images_of_other_programs_have_other_types_tiles_and_channels() {
     assert!(read_picture(&path).is_ok());
     write_channels(&path, side, with_others(side, 2)[..4].to_vec(), Blocks::ScanLines);
     let message = read_picture(&path).unwrap_err().to_string();
-    assert!(message.contains("has no channels R, G, B to compare, only G, R, other.000, other.001;"), "{message}");
+    assert!(message.contains("has no channels R, G, B, only G, R, other.000, other.001;"), "{message}");
+}
+
+/// Writes a constant image whose data window begins at `at` and has this size, in a display window of 4 x 2 pixels from `origin`.
+fn write_windows(path: &Path, [x, y]: [i32; 2], size: [usize; 2], origin: [i32; 2]) {
+    let channels = ["R", "G", "B"].map(|name| AnyChannel::new(name, FlatSamples::F32(vec![3.0; size[0] * size[1]])));
+    let attributes = LayerAttributes { layer_position: Vec2(x, y), ..LayerAttributes::default() };
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let mut image = Image::from_layer(Layer::new((size[0], size[1]), attributes, Encoding::UNCOMPRESSED, channels));
+    image.attributes.display_window = IntegerBounds::new((origin[0], origin[1]), (4, 2));
+    image.write().to_file(path).unwrap();
+}
+
+/// Many programs store only the part of a picture that is not black.
+#[test]
+fn the_picture_of_another_program_is_its_display_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("part.exr");
+    for (at, size, origin, filled) in [
+        ([0, 0], [4, 2], [0, 0], [0..4, 0..2]),
+        ([0, 1], [4, 1], [0, 0], [0..4, 1..2]),
+        ([2, 0], [1, 2], [0, 0], [2..3, 0..2]),
+        // The data reach beyond the display window on all sides.
+        ([-3, -1], [9, 4], [0, 0], [0..4, 0..2]),
+        ([11, 20], [1, 5], [10, 20], [1..2, 0..2]),
+        // They lie outside of it.
+        ([4, 0], [4, 2], [0, 0], [0..0, 0..0]),
+        ([i32::MIN / 4, i32::MIN / 4], [2, 2], [i32::MAX / 4, 0], [0..0, 0..0]),
+    ] {
+        write_windows(&path, at, size, origin);
+        let picture = read_picture(&path).unwrap();
+        let is_filled = |x: usize, y: usize| filled[0].contains(&x) && filled[1].contains(&y);
+        let expected: Vec<f32> = (0..8).flat_map(|i| [if is_filled(i % 4, i / 4) { 3.0 } else { 0.0 }; 3]).collect();
+        assert_eq!((picture.width, picture.height, picture.corner), (4, 2, [0, 0]), "{at:?}");
+        assert_eq!(picture.rgb, expected, "{at:?}");
+        assert_eq!(read_size(&path).unwrap(), [4, 2]);
+    }
+    // An image of taugate is its data window, because the pixels around a crop are not known.
+    write(&path);
+    let picture = read_picture(&path).unwrap();
+    assert_eq!((picture.width, picture.height, picture.corner), (6, 4, [3, 2]));
+    assert_eq!(read_size(&path).unwrap(), [6, 4]);
 }
 
 #[test]

@@ -153,8 +153,10 @@ impl Session {
         // Load the scene and resolve the settings.
         let mut preparation = Preparation::new();
         let mut scene = preparation.timed("load scene", || load_scene(&experiment))?;
-        let notes = scenery::apply(&mut experiment, &mut scene)?;
-        let resolved = resolve::resolve(&experiment, &scene)?;
+        // All frames have the same settings, so a mistake in one frame is one of its scene.
+        let of_frame = |error| if self.is_sequence { with_scene_path(error, &scene_path) } else { error };
+        let notes = scenery::apply(&mut experiment, &mut scene).map_err(of_frame)?;
+        let resolved = resolve::resolve(&experiment, &scene).map_err(of_frame)?;
         let settings = &resolved.settings;
         let config = resolve::as_experiment(&experiment, settings, &scene);
         let shard = match &earlier {

@@ -12,7 +12,7 @@ use exr::prelude::{
 use crate::error::{Error, Result};
 use crate::files::write_atomically;
 use crate::image::channels::{self, ChannelGroup};
-use crate::image::exr_header::{COLOR_CHANNELS, read_size, unreadable};
+use crate::image::exr_header::{COLOR_CHANNELS, header, unreadable, window};
 use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::{Layers, Plane};
@@ -251,9 +251,15 @@ pub struct Picture {
 }
 
 /// Reads a single-part EXR of any program: the channels R, G, B, and Variance.R, .G, .B if there. Other channels take no memory:
-/// they are decoded block by block, and dropped.
+/// they are decoded block by block, and dropped. The picture of another program is its display window: pixels that the file lacks are
+/// black, and pixels beyond the window are left out. An image of taugate is its data window.
 pub fn read_picture(path: &Path) -> Result<Picture> {
-    read_size(path)?;
+    let header = header(path, COLOR_CHANNELS.len())?;
+    let (window, display) = (window(&header), header.shared_attributes.display_window);
+    // The positions in the header of a hostile file may be any 32-bit numbers.
+    let difference =
+        |a: Vec2<i32>, b: Vec2<i32>| [(a.x(), b.x()), (a.y(), b.y())].map(|(a, b)| i64::from(a) - i64::from(b));
+    let offset = difference(header.own_attributes.layer_position, window.position);
     let [r, g, b] = COLOR_CHANNELS;
     let [variance_r, variance_g, variance_b] = VARIANCE_CHANNELS;
     let image = read()
@@ -267,7 +273,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         .optional(variance_g, 0.0)
         .optional(variance_b, 0.0)
         .collect_pixels(
-            |size, (_, _, _, r, g, b)| Values::new(size, r.is_some() && g.is_some() && b.is_some()),
+            |_, (_, _, _, r, g, b)| Values::new(window.size, offset, r.is_some() && g.is_some() && b.is_some()),
             |values: &mut Values, at, (r, g, b, variance_r, variance_g, variance_b): (f32, f32, f32, f32, f32, f32)| {
                 values.set(at, [r, g, b], [variance_r, variance_g, variance_b]);
             },
@@ -277,7 +283,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         .from_file(path)
         .map_err(|e| unreadable(path, e))?;
     let layer = image.layer_data;
-    let (width, height) = (layer.size.width(), layer.size.height());
+    let Vec2(width, height) = window.size;
     let Values { rgb, variance, .. } = layer.channel_data.pixels;
     let attribute = |name: &str| layer.attributes.other.get(&text(name));
     let cell_batches = attribute("tof:cellBatches").and_then(|value| match value {
@@ -300,7 +306,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         _ => None,
     };
     let gate = number("tof:gateMin_m").zip(number("tof:gateMax_m")).map(<[f64; 2]>::from);
-    let corner = layer.attributes.layer_position;
+    let corner = difference(window.position, display.position).map(|x| x as i32);
     Ok(Picture {
         width: width as u32,
         height: height as u32,
@@ -311,25 +317,30 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         renderer,
         seconds,
         gate,
-        corner: [corner.x(), corner.y()],
+        corner,
     })
 }
 
-/// The values of an image while its blocks are read: R, G, B interleaved, row by row.
+/// The values of a picture while its blocks are read: R, G, B interleaved, row by row.
 struct Values {
-    width: usize,
+    size: Vec2<usize>,
+    /// Position in the picture of the first pixel of the file.
+    offset: [i64; 2],
     rgb: Vec<f32>,
     variance: Option<Vec<f32>>,
 }
 
 impl Values {
-    fn new(size: Vec2<usize>, has_variance: bool) -> Values {
+    fn new(size: Vec2<usize>, offset: [i64; 2], has_variance: bool) -> Values {
         let zeros = || vec![0.0; 3 * size.area()];
-        Values { width: size.width(), rgb: zeros(), variance: has_variance.then(zeros) }
+        Values { size, offset, rgb: zeros(), variance: has_variance.then(zeros) }
     }
 
     fn set(&mut self, at: Vec2<usize>, rgb: [f32; 3], variance: [f32; 3]) {
-        let first = 3 * (at.y() * self.width + at.x());
+        let [x, y] = [(at.x(), self.offset[0], self.size.width()), (at.y(), self.offset[1], self.size.height())]
+            .map(|(at, offset, size)| usize::try_from(at as i64 + offset).ok().filter(|&place| place < size));
+        let (Some(x), Some(y)) = (x, y) else { return };
+        let first = 3 * (y * self.size.width() + x);
         self.rgb[first..first + 3].copy_from_slice(&rgb);
         if let Some(values) = &mut self.variance {
             values[first..first + 3].copy_from_slice(&variance);

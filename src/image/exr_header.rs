@@ -6,7 +6,7 @@ use std::path::Path;
 
 use exr::meta::BlockDescription;
 use exr::meta::header::Header;
-use exr::prelude::{AttributeValue, MetaData, Vec2};
+use exr::prelude::{AttributeValue, IntegerBounds, MetaData, Vec2};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
@@ -57,8 +57,18 @@ pub fn missing_layer(path: &Path, wanted: Aov) -> Option<&'static str> {
 
 /// Width and height of an image that [`super::exr_file::read_picture`] accepts, see [`header`].
 pub fn read_size(path: &Path) -> Result<[u32; 2]> {
-    let size = header(path, COLOR_CHANNELS.len())?.layer_size;
+    let size = window(&header(path, COLOR_CHANNELS.len())?).size;
     Ok([size.width() as u32, size.height() as u32])
+}
+
+/// The region of the pixels of a picture, in the coordinates of the data window. Other programs store only a part of the display
+/// window if the rest is black, or more than it, so their pictures are the display window. An image of taugate is its data window: a
+/// crop leaves the other pixels unknown.
+pub(super) fn window(header: &Header) -> IntegerBounds {
+    match header.own_attributes.other.contains_key(&text("tof:version")) {
+        true => header.data_window(),
+        false => header.shared_attributes.display_window,
+    }
 }
 
 /// The header of an image of which `channels` channels will be read, or all channels if it has fewer. Fails if the decoder would
@@ -73,9 +83,11 @@ pub(super) fn header(path: &Path, channels: usize) -> Result<Header> {
         return fail(format!("has {} parts; extract one into a file of its own", meta.headers.len()));
     };
     if header.deep {
-        return fail("is a deep image, which cannot be compared; flatten it".into());
+        return fail("is a deep image, which taugate does not read; flatten it".into());
     }
-    let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
+    let sizes = [window(header).size, header.layer_size].map(|Vec2(width, height)| (width as u64, height as u64));
+    let (width, height) =
+        sizes.into_iter().max_by_key(|(width, height)| width.saturating_mul(*height)).unwrap_or_default();
     if width.saturating_mul(height) > MAX_PIXELS {
         return fail(format!(
             "has a header of {width} x {height} pixels, but taugate reads at most {} megapixels; crop the image",
@@ -98,7 +110,7 @@ pub(super) fn header(path: &Path, channels: usize) -> Result<Header> {
     let names = || header.channels.list.iter().map(|channel| channel.name.to_string());
     if !COLOR_CHANNELS.iter().all(|wanted| names().any(|name| name == *wanted)) {
         let names = names().collect::<Vec<_>>().join(", ");
-        return fail(format!("has no channels R, G, B to compare, only {names}; write it with these names"));
+        return fail(format!("has no channels R, G, B, only {names}; write it with these names"));
     }
     if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
         return fail("has subsampled channels; write it with R, G, B at full resolution".into());

@@ -160,6 +160,9 @@ fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {
 /// name.
 pub(super) fn find_camera(name: &str, scene: &Scene) -> Result<usize> {
     scene.cameras.iter().rposition(|camera| camera.name == name).ok_or_else(|| {
+        if let Some(unusable) = scene.unusable_cameras.iter().find(|camera| camera.name == name) {
+            return Error::settings(&unusable.why);
+        }
         let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).chain(["auto"]).collect();
         Error::settings(format!("no camera is called '{name}'; choose one of {}", list(&names)))
     })

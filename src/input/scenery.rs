@@ -9,6 +9,8 @@ mod phase;
 mod scan;
 mod sky_image;
 
+pub(super) use camera::AUTO;
+
 use crate::error::Result;
 use crate::input::experiment::Experiment;
 use crate::scene::Scene;

@@ -113,13 +113,28 @@ impl Sequence {
         self.fps
     }
 
-    /// Makes the choices of [`scenery::apply`] and chooses the default estimator, for all frames. They are those for the scene of the
-    /// first frame, which `load` loads. Returns the notes of [`scenery::apply`].
-    pub fn choose_for_all(&mut self, load: impl FnOnce(&Experiment) -> Result<Scene>) -> Result<Vec<String>> {
-        let mut first = self.frame(self.frames.start);
+    /// Chooses the camera and the default estimator, and makes the choices of [`scenery::apply`], for all frames. They are those for the
+    /// scene of the first frame, which `load` loads. If that scene cannot be rendered, they are those of the second frame. Returns
+    /// the notes of [`scenery::apply`].
+    pub fn choose_for_all(&mut self, load: impl Fn(&Experiment) -> Result<Scene>) -> Result<Vec<String>> {
+        let first = self.frames.start;
+        self.choose(first, &load).or_else(|error| match self.frames.contains(&(first + 1)) {
+            true => self.choose(first + 1, &load).map_err(|_| error),
+            false => Err(error),
+        })
+    }
+
+    fn choose(&mut self, frame: u32, load: &impl Fn(&Experiment) -> Result<Scene>) -> Result<Vec<String>> {
+        let mut first = self.frame(frame);
         let mut scene = load(&first)?;
         let notes = scenery::apply(&mut first, &mut scene)?;
-        let estimator = resolve(&first, &scene)?.settings.estimator();
+        let settings = resolve(&first, &scene)?.settings;
+        let estimator = settings.estimator();
+        // The first camera of another frame may be another one. The word `auto` would mean the automatic camera.
+        let camera = scene.cameras[settings.camera()].name.as_str();
+        if camera != scenery::AUTO {
+            first.camera.camera.get_or_insert(camera.into());
+        }
         (self.experiment.camera, self.experiment.emitter) = (first.camera, first.emitter);
         self.experiment.render.estimator = Some(estimator);
         Ok(notes)

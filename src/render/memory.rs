@@ -6,10 +6,11 @@ use super::plan::Plan;
 use super::pool::DevicePool;
 use super::prepared_scene::PreparedScene;
 use super::sensor::SensorTracer;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
+use crate::free_memory;
 use crate::gpu::{BufferDesc, DeviceInfo};
-use crate::scene::Scene;
+use crate::scene::{Instance, Scene};
 use crate::settings::Settings;
 use crate::wgsl::layout::PathVertex;
 
@@ -24,8 +25,31 @@ const PIXEL_BYTES: u64 = 136;
 const VERTEX_BYTES: u64 = size_of::<PathVertex>() as u64 + 8;
 /// Additional host bytes per pixel for adaptive sampling: the sample statistics and the sample count.
 const ADAPTIVE_PIXEL_BYTES: u64 = 41;
+const GIB: f64 = (1u64 << 30) as f64;
 /// Host bytes of the program itself, the driver and the driver's compiler.
 const PROGRAM_BYTES: u64 = 120 << 20;
+
+/// Fails if the BVH of the scene needs more memory than this machine has. Takes no memory itself, so it comes before anything that
+/// grows with the instances.
+pub fn check_build(scene: &Scene) -> Result<()> {
+    check_build_in(free_memory::free(), scene)
+}
+
+fn check_build_in(free: Option<u64>, scene: &Scene) -> Result<()> {
+    let of =
+        |instance: &Instance| scene.meshes.get(instance.mesh as usize).map_or(0, |mesh| mesh.triangles.len() as u64);
+    let triangles: u64 = scene.instances.iter().map(of).sum();
+    let needed = BUILD_BYTES.saturating_mul(triangles);
+    match free.filter(|free| needed > *free) {
+        None => Ok(()),
+        Some(free) => Err(Error::Settings(format!(
+            "the scene has {triangles} triangles, instances included, which need {:.1} GiB of memory, but only {:.1} GiB are free; \
+             simplify the scene or split it",
+            needed as f64 / GIB,
+            free as f64 / GIB
+        ))),
+    }
+}
 
 /// The memory that a render needs.
 #[derive(Debug, Clone)]
@@ -144,4 +168,21 @@ fn scene_bytes(scene: &Scene) -> u64 {
 
 fn sum(buffer_descs: &[BufferDesc]) -> u64 {
     buffer_descs.iter().map(|desc| desc.bytes).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_that_needs_more_memory_than_is_free_is_refused_with_its_count() {
+        let mut scene = crate::generate::build(crate::generate::Kind::CornellBox);
+        let instance = scene.instances[0].clone();
+        scene.instances = vec![instance; 1000];
+        // Each instance of the floor has two triangles.
+        let needed = 2000 * BUILD_BYTES;
+        assert!(check_build_in(Some(needed), &scene).is_ok() && check_build_in(None, &scene).is_ok());
+        let message = check_build_in(Some(needed - 1), &scene).unwrap_err().to_string();
+        assert!(message.contains("the scene has 2000 triangles, instances included, which need"), "{message}");
+    }
 }

@@ -10,7 +10,7 @@ use super::media::Media;
 use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, far_objects, grid, null_boundary, oversized, pinhole_in_fog, sheets};
+use super::{coplanar, far_objects, grid, memory, null_boundary, oversized, pinhole_in_fog, sheets};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -43,6 +43,7 @@ impl PreparedScene {
             )));
         };
         check_emitters(scene, settings)?;
+        memory::check_build(scene)?;
         let albedo = AlbedoTable::shared();
         let space = RenderSpace::of_camera(scene, camera, settings.emitters());
         let mut geometry = Geometry::new(scene, &space, settings.emitters(), albedo);

@@ -149,7 +149,8 @@ fn check_instance(instance: &Instance, meshes: &[[DVec3; 2]]) -> Checked {
     check_extent(&meshes[instance.mesh as usize], &instance.transform, &instance.node)
 }
 
-fn check_camera(camera: &Camera) -> Checked {
+/// As [`Scene::check`], for a camera alone. The error is one sentence.
+pub(super) fn check_camera(camera: &Camera) -> Checked {
     let name = || format!("camera '{}'", camera.name);
     let DAffine3 { matrix3, translation } = camera.transform;
     let turns = matrix3 * matrix3.transpose();

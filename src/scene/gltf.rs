@@ -7,10 +7,12 @@
 mod accessor;
 mod animation;
 mod camera;
+mod clean;
 mod compressed;
 mod document;
 mod draco;
 mod extension;
+mod extras;
 mod flat;
 mod image;
 mod instancing;
@@ -24,10 +26,13 @@ mod mesh;
 mod meshopt;
 mod morph;
 mod node;
+mod place;
 mod pose;
 mod resolve;
 mod retroreflector;
 mod root;
+mod source;
+mod text;
 mod texture;
 mod texture_use;
 mod thin_glass;
@@ -36,10 +41,7 @@ mod volume;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use glam::DAffine3;
-
-use super::check::is_singular;
-use super::{Instance, Scene};
+use super::Scene;
 use crate::error::{Error, Result};
 pub use animation::Playback;
 use document::{Document, Warnings, label};
@@ -134,19 +136,20 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
         warnings.push(format!("morph targets move no colours and no texture coordinates (first: mesh `{name}`)"));
     }
     let moving = animation::pose(&mut doc, playback, &mut warnings)?;
-    let media = medium::load(&doc)?;
+    let media = medium::load(&doc, &mut warnings)?;
 
     let worlds = node::world_transforms(&doc)?;
-    let mut materials = material::load(&doc, &mut warnings)?;
-    medium::add_interiors(&doc, &mut materials.materials, &mut warnings)?;
-    let meshes = mesh::load(&doc, &worlds, &mut materials, &mut warnings)?;
-    let instances = place(&doc, &worlds, &meshes, &mut warnings)?;
+    let is_used = material::used(&doc, &worlds);
+    let mut materials = material::load(&doc, &is_used, &mut warnings)?;
+    medium::add_interiors(&doc, &is_used, &mut materials.materials, &mut warnings)?;
+    let mut meshes = mesh::load(&doc, &worlds, &mut materials, &mut warnings)?;
+    let instances = place::place(&doc, &worlds, &mut meshes, &mut materials, &mut warnings)?;
     if instances.is_empty() && media.is_empty() {
         warnings.push(meshes.nothing_to_render());
     }
 
-    let cameras = camera::load(&doc, &worlds)?;
-    let lights = light::load(&doc, &worlds, &mut warnings)?;
+    let (cameras, unusable_cameras) = camera::load(&doc, &worlds, &mut warnings);
+    let (lights, lights_off) = light::load(&doc, &worlds, &mut warnings)?;
     let images = image::load(&doc, folders, &materials.textures.images, &mut warnings)?;
     material::darken(&mut materials, &images);
     let scene = Scene {
@@ -156,7 +159,9 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
         textures: materials.textures.list,
         images,
         cameras,
+        unusable_cameras,
         lights,
+        lights_off,
         sky: None,
         media,
         moving,
@@ -164,64 +169,4 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     };
     scene.checked()?;
     Ok(scene)
-}
-
-/// The instances, in the order of the nodes: one per primitive of a node's mesh and per copy of the node.
-fn place(
-    doc: &Document,
-    worlds: &node::Worlds,
-    meshes: &mesh::Meshes,
-    warnings: &mut Warnings,
-) -> Checked<Vec<Instance>> {
-    let mut instances = Vec::new();
-    let (mut triangles, mut count) = (0u64, 0);
-    for (index, world) in worlds.visible() {
-        let (Some(node), Some(placement)) = (doc.root.nodes.get(index), meshes.of(index)) else { continue };
-        let range = placement.range.clone();
-        if range.is_empty() {
-            continue;
-        }
-        let name = doc.node_name(index);
-        let transforms = match placement.skinned_at {
-            Some(origin) => {
-                if instancing::has_copies(node) {
-                    warnings.once("skinned copies", || {
-                        format!(
-                            "the copies of node `{name}` (EXT_mesh_gpu_instancing) are left out, because a skin places its mesh"
-                        )
-                    });
-                }
-                vec![DAffine3::from_translation(origin)]
-            }
-            None => instancing::copies(doc, index, node)?.into_iter().map(|copy| world * copy).collect(),
-        };
-        let per_copy: u64 = range.clone().map(|mesh| meshes.meshes[mesh].triangles.len() as u64).sum();
-        triangles += per_copy * transforms.len() as u64;
-        if triangles > mesh::MAX_TRIANGLES {
-            return Err(format!(
-                "the scene has more than {} million triangles, instances included; simplify it or split it",
-                mesh::MAX_TRIANGLES >> 20
-            ));
-        }
-        // Copies that are left out below count too: reading them takes as long.
-        count += range.len() * transforms.len();
-        if count > instancing::MAX_INSTANCES {
-            return Err(instancing::too_many());
-        }
-        for transform in transforms {
-            let flattens = is_singular(&transform);
-            for mesh in range.clone() {
-                let usable =
-                    if flattens { flat::invertible(&transform, &meshes.meshes[mesh]) } else { Some(transform) };
-                match usable {
-                    Some(transform) => {
-                        instances.push(Instance { mesh: mesh as u32, transform, node: name.clone() });
-                    }
-                    None => warnings
-                        .once("singular", || format!("node `{name}` is scaled to nothing, so its mesh is left out")),
-                }
-            }
-        }
-    }
-    Ok(instances)
 }

@@ -124,6 +124,18 @@ impl LightKind {
         }
     }
 
+    /// The same light with the strength 0.
+    pub(crate) fn off(self) -> LightKind {
+        let dark = [0.0; 3];
+        match self {
+            LightKind::Point { .. } => LightKind::Point { intensity: dark },
+            LightKind::Spot { inner, outer, .. } => LightKind::Spot { intensity: dark, inner, outer },
+            LightKind::Beam { radius, .. } => LightKind::Beam { power: dark, radius },
+            LightKind::Directional { .. } => LightKind::Directional { irradiance: dark },
+            LightKind::Sky { .. } => LightKind::Sky { radiance: dark },
+        }
+    }
+
     /// Whether the light is infinitely far away: a sun or a sky.
     pub fn is_distant(&self) -> bool {
         matches!(self, LightKind::Directional { .. } | LightKind::Sky { .. })

@@ -45,8 +45,13 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// In the order of the nodes that carry them.
     pub cameras: Vec<Camera>,
+    /// Cameras of the file that cannot be used. They are an error only if the user chooses one of them.
+    pub unusable_cameras: Vec<UnusableCamera>,
     /// Punctual lights, beams and the sky; emissive meshes are found through `materials`.
     pub lights: Vec<Light>,
+    /// Names of the nodes whose light is off, because the transform of the node leaves it no direction. `lights` has the light with
+    /// the strength 0.
+    pub lights_off: Vec<String>,
     /// Fog and other media outside of transmissive solids; where they overlap, the last counts.
     pub media: Vec<Medium>,
     /// The image of the sky, if one of the lights is a [`LightKind::Sky`] that is not the same in all directions.
@@ -125,6 +130,15 @@ impl Mesh {
         let points = self.positions.iter().map(|&p| Vec3::from(p).as_dvec3());
         points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(p), hi.max(p)])
     }
+}
+
+/// A camera of a file without a usable view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnusableCamera {
+    /// Name of the camera, as [`Camera::name`] would have it.
+    pub name: String,
+    /// One sentence: the reason, and the remedy.
+    pub why: String,
 }
 
 /// The triangles of one glTF primitive.

@@ -94,6 +94,89 @@ fn a_moving_camera_and_lamp_keep_the_scene() {
     }
 }
 
+/// Writes the scene as `name`, with an animation that scales `node` to nothing at 0.5 s and back to 1 at 1 s.
+fn write_shrinking(path: &Path, scene: &taugate::Scene, node: &'static str) {
+    let motion = glb::Motion { node, times: vec![0.0, 0.5, 1.0], positions: vec![[1.0; 3], [0.0; 3], [1.0; 3]] };
+    let mut bytes = glb::write_moving(scene, Some(&motion));
+    let (moves, scales) = (br#""path":"translation""#, br#""path":"scale"      "#);
+    let at = bytes.windows(moves.len()).position(|window| window == moves).unwrap();
+    bytes[at..at + moves.len()].copy_from_slice(scales);
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// A spot without a direction once ended the whole sequence.
+#[test]
+fn a_spot_is_off_while_it_is_scaled_to_nothing() {
+    let here = folder();
+    let mut scene = build(Kind::CornellBox);
+    let place = scene.cameras[0].transform.translation;
+    scene.add_light("spot", place, glam::DVec3::NEG_Z, LightKind::spot([30.0; 3], 0.2, 0.4));
+    write_shrinking(&here.path().join("scene.glb"), &scene, "spot");
+    let here = here.path();
+    let message = render(here, &["--estimator", "pt", "--frames", "0..3", "--fps", "2", "-o", "f#.exr"]);
+    assert!(message.contains("are off (first: node `spot`)") && !message.contains("headlamp"), "{message}");
+    render(here, &["--estimator", "pt", "--at", "0.5s", "--emitters", "light", "-o", "without.exr"]);
+    assert!(pixels(here, "f1.exr") == pixels(here, "without.exr"));
+    assert!(pixels(here, "f0.exr") == pixels(here, "f2.exr") && pixels(here, "f0.exr") != pixels(here, "f1.exr"));
+
+    // The only lamp is no reason for a headlamp, neither in the first frame nor in another one. A frame without light is left out.
+    scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
+    write_shrinking(&here.join("scene.glb"), &scene, "spot");
+    for first in ["0", "1"] {
+        let name = format!("{first}-#.exr");
+        let frames = format!("{first}..3");
+        let flags = ["--frames", &frames, "--fps", "2", "-o", &name];
+        let output = taugate(here, &[&["render", "scene.glb"], &SMALL[..], &flags].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(
+            message.contains("1 of ") && message.contains("the first is frame 1") && !message.contains("a headlamp"),
+            "{message}"
+        );
+        assert!(!here.join(format!("{first}-1.exr")).exists() && here.join(format!("{first}-2.exr")).exists());
+    }
+}
+
+/// A camera that cannot be used in one frame must not be replaced by another one, and must not end the other frames.
+#[test]
+fn a_frame_whose_camera_is_scaled_to_nothing_is_left_out() {
+    let here = folder();
+    let mut scene = build(Kind::CornellBox);
+    let other = taugate::Camera { name: "other".into(), ..scene.cameras[0].clone() };
+    scene.cameras[0].name = "eye".into();
+    scene.cameras.push(other);
+    write_shrinking(&here.path().join("scene.glb"), &scene, "eye");
+    let here = here.path();
+    let flags = ["--frames", "0..3", "--fps", "2", "-o", "f#.exr", "--gif", "f.gif"];
+    let command = [&["render", "scene.glb"], &SMALL[..], &flags].concat();
+    for _ in 0..2 {
+        let output = taugate(here, &command);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains("1 of 3 frames could not be rendered"), "{message}");
+        assert!(
+            message.contains("the first is frame 1:") && message.contains("camera `eye` is scaled to nothing"),
+            "{message}"
+        );
+        assert_eq!(names(here), ["f0.exr", "f2.exr", "scene.glb"]);
+    }
+    // Another camera does not mind.
+    render(here, &["--camera", "other", "--frames", "0..3", "--fps", "2", "-o", "o#.exr"]);
+    // Alone, the camera is an error, and the default is a camera that can be used.
+    let alone = [&["render", "scene.glb", "--at", "0.5s", "-o", "a.exr"], &SMALL[..]].concat();
+    fails(
+        here,
+        &[&alone[..], &["--camera", "eye"]].concat(),
+        2,
+        "camera `eye` is scaled to nothing; set its scale to 1",
+    );
+    render(here, &["--at", "0.5s", "-o", "a.exr"]);
+    assert!(pixels(here, "a.exr") == pixels(here, "o1.exr"));
+    scene.cameras.pop();
+    write_shrinking(&here.join("scene.glb"), &scene, "eye");
+    fails(here, &alone, 2, "or place another camera with --camera auto or --look-from");
+}
+
 /// One box of a scene without a camera and without a lamp moves away. The diagonal of the scene grows from 2 m to 10 m.
 #[test]
 fn automatic_choices_are_those_of_the_first_frame() {

@@ -11,12 +11,14 @@ mod bounds;
 mod cameras;
 mod compressed;
 mod extensions;
+mod flat;
 mod good;
 mod hostile;
 mod materials;
 mod media;
 mod pose;
 mod textures;
+mod unneeded;
 
 use std::path::Path;
 

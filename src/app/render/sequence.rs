@@ -38,9 +38,17 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
     let sequence = &sequence;
     session.is_sequence = true;
     let count = sequence.own_frames().count();
-    let mut kept = vec![];
+    let (mut kept, mut failed) = (vec![], vec![]);
     for (number, frame) in sequence.own_frames().enumerate() {
-        let outcome = session.render(sequence.frame(frame))?;
+        let outcome = match session.render(sequence.frame(frame)) {
+            // The scene cannot be rendered at this moment, for example because the camera is scaled to nothing.
+            Err(error) if matches!(error.downcast_ref(), Some(Error::Scene { .. })) => {
+                session.progress.line(&format!("frame {frame} is left out: {error}"));
+                failed.push((frame, error));
+                continue;
+            }
+            outcome => outcome?,
+        };
         if outcome == Outcome::Kept {
             kept.push(frame);
         }
@@ -54,6 +62,17 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
     if !kept.is_empty() {
         let line = format!("{} of {count} frames exist with the same settings and are kept", kept.len());
         session.progress.line(&line);
+    }
+    if let Some((frame, error)) = failed.first() {
+        let pictures = match sequence.contact_sheet.is_some() || sequence.gif.is_some() {
+            true => ", without the contact sheet and the animation",
+            false => "",
+        };
+        let message = format!(
+            "{} of {count} frames could not be rendered; the others are finished{pictures}; the first is frame {frame}: {error}",
+            failed.len()
+        );
+        return Err(Error::settings(message).into());
     }
     pictures::write(sequence, &kept, session)?;
     Ok(ExitCode::SUCCESS)

@@ -11,7 +11,7 @@ use crate::settings::numbers::{Fov, Height, Numbers};
 use crate::settings::table::CameraTable;
 
 /// Name of a camera that frames the whole scene.
-const AUTO: &str = "auto";
+pub(in crate::input) const AUTO: &str = "auto";
 /// Name of a camera that the user places in a scene without cameras.
 const LOOK: &str = "look";
 /// Vertical field of view of these two cameras, unless they are orthographic.
@@ -62,6 +62,9 @@ fn chosen(table: &CameraTable, scene: &Scene, notes: &mut Vec<String>) -> Result
         Some(LOOK) if is_placed && find_camera(LOOK, scene).is_err() => Ok(None),
         Some(name) => find_camera(name, scene).map(Some),
         None if !scene.cameras.is_empty() => Ok(Some(0)),
+        None if !is_placed && let Some(camera) = scene.unusable_cameras.first() => {
+            Err(Error::Settings(format!("{}, or place another camera with --camera auto or --look-from", camera.why)))
+        }
         None => {
             if !is_placed {
                 notes.push(

@@ -130,9 +130,10 @@ fn point(node: String, position: DVec3, intensity: f64) -> Light {
 }
 
 /// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, suns and skies cannot be
-/// rendered.
+/// rendered. A lamp that is off only at the moment of this scene counts.
 fn has_lamp(scene: &Scene, is_steady: bool) -> bool {
-    scene.lights.iter().any(|light| (is_steady || !light.kind.is_distant()) && is_bright(light.kind.strength()))
+    !scene.lights_off.is_empty()
+        || scene.lights.iter().any(|light| (is_steady || !light.kind.is_distant()) && is_bright(light.kind.strength()))
 }
 
 fn has_bright_surface(scene: &Scene) -> bool {

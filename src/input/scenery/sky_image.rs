@@ -1,11 +1,11 @@
 //! The image of a sky, from an EXR or a Radiance HDR file.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use image::ImageDecoder;
-use image::codecs::hdr::HdrDecoder;
+use image::codecs::hdr::{HdrDecoder, SIGNATURE};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
@@ -34,14 +34,15 @@ fn read_exr(path: &Path) -> Result<SkyImage> {
     Ok(SkyImage { width: picture.width, height: picture.height, rgb: picture.rgb.as_chunks::<3>().0.to_vec() })
 }
 
-/// Reads an RGBE image. The header's EXPOSURE says by what the radiance was multiplied. A header of a few bytes may claim any size,
-/// so the size is checked before memory is allocated.
+/// Reads an RGBE image. The header's EXPOSURE and COLORCORR say by what the radiance was multiplied. A header of a few bytes may claim
+/// any size, so the size is checked before memory is allocated.
 fn read_hdr(path: &Path) -> Result<SkyImage> {
     let fail = |message: String| Error::File { path: path.into(), message };
     let unreadable = |e: image::ImageError| fail(format!("is not a Radiance HDR image ({e}); convert it to EXR"));
     let length = check_readable(path)?;
-    let file = File::open(path).map_err(|e| read_error(path, e))?;
-    let decoder = HdrDecoder::new(BufReader::new(file)).map_err(unreadable)?;
+    let mut file = BufReader::new(File::open(path).map_err(|e| read_error(path, e))?);
+    let signature = signature(&mut file).map_err(|e| read_error(path, e))?;
+    let decoder = HdrDecoder::new(signature.chain(file)).map_err(unreadable)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > MAX_PIXELS {
@@ -55,11 +56,28 @@ fn read_hdr(path: &Path) -> Result<SkyImage> {
             "has a header of {width} x {height} pixels, too many for its {length} bytes; write the image again"
         )));
     }
-    let exposure = decoder.metadata().exposure.filter(|&exposure| exposure > 0.0).unwrap_or(1.0);
+    let metadata = decoder.metadata();
+    let exposure = metadata.exposure.unwrap_or(1.0);
+    let (r, g, b) = metadata.color_correction.unwrap_or((1.0, 1.0, 1.0));
+    let factors = [r, g, b].map(|correction| correction * exposure);
+    if !factors.iter().all(|factor| factor.is_finite() && *factor > 0.0) {
+        return Err(fail("has an EXPOSURE or a COLORCORR that is not above 0; correct the header".into()));
+    }
     let mut rgb = vec![[0.0f32; 3]; pixels as usize];
     decoder.read_image(bytemuck::cast_slice_mut(&mut rgb)).map_err(unreadable)?;
-    for channel in rgb.iter_mut().flatten() {
-        *channel /= exposure;
+    for texel in &mut rgb {
+        *texel = [0, 1, 2].map(|k| texel[k] / factors[k]);
     }
     Ok(SkyImage { width, height, rgb })
+}
+
+/// Skips the signature `#?RGBE`, which many programs write, and returns the signature that the decoder expects instead. Returns nothing
+/// and skips nothing if the file begins otherwise.
+fn signature(file: &mut impl BufRead) -> std::io::Result<&'static [u8]> {
+    const RGBE: &[u8] = b"#?RGBE";
+    if !file.fill_buf()?.starts_with(RGBE) {
+        return Ok(b"");
+    }
+    file.consume(RGBE.len());
+    Ok(SIGNATURE)
 }

@@ -229,6 +229,22 @@ fn the_image_of_a_sky_is_read_and_checked() {
     let sky = scene.sky.unwrap();
     assert_eq!((sky.width, sky.height, &sky.rgb[..]), (2, 1, &[[1.0, 2.0, 3.0], [4.0, 0.0, 0.0]][..]));
     assert_eq!(scene.lights[0].kind, LightKind::Sky { radiance: [2.0; 3] });
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, IntegerBounds, Layer, LayerAttributes, Vec2, WritableImage,
+    };
+    // Only the lower half of this sky is stored, so the upper half is black.
+    let half = AnyChannels::sort(
+        ["R", "G", "B"].map(|name| AnyChannel::new(name, FlatSamples::F32(vec![1.0; 2]))).into_iter().collect(),
+    );
+    let attributes = LayerAttributes { layer_position: Vec2(0, 1), ..LayerAttributes::default() };
+    let mut image = exr::prelude::Image::from_layer(Layer::new((2, 1), attributes, Encoding::UNCOMPRESSED, half));
+    image.attributes.display_window = IntegerBounds::new((0, 0), (2, 2));
+    image.write().to_file(&file).unwrap();
+    let mut scene = block();
+    apply(&mut experiment(&toml), &mut scene).unwrap();
+    let sky = scene.sky.unwrap();
+    assert_eq!((sky.height, &sky.rgb[..]), (2, &[[0.0; 3], [0.0; 3], [1.0; 3], [1.0; 3]][..]));
+    assert!(sky.irradiance_from_above().iter().all(|x| x.abs() < 1e-12));
     for (bad, part) in [
         ([0.0; 6], "is black"),
         ([1.0, 1.0, 1.0, 1.0, -1.0, 1.0], "negative or not finite at column 1, row 0"),
@@ -257,6 +273,17 @@ fn the_image_of_a_sky_may_be_radiance_hdr() {
     assert_eq!((sky.width, sky.height, &sky.rgb[..]), (2, 1, &[[1.0, 0.5, 0.0], [255.0, 0.0, 1.0]][..]));
     let sky = with(&[header.as_bytes(), b"EXPOSURE=2\n", size.as_bytes(), &texels].concat()).unwrap();
     assert_eq!(sky.rgb, [[0.5, 0.25, 0.0], [127.5, 0.0, 0.5]]);
+    // The factors of several lines multiply.
+    let factors = b"EXPOSURE=2\nCOLORCORR=2 1 4\nEXPOSURE=0.5\nCOLORCORR= 1 0.5 1\n";
+    let sky = with(&[header.as_bytes(), factors, size.as_bytes(), &texels].concat()).unwrap();
+    assert_eq!(sky.rgb, [[0.5, 1.0, 0.0], [127.5, 0.0, 0.25]]);
+    for signature in ["#?RGBE\n", "#?RGBE\n# made by hand\nFORMAT=32-bit_rle_rgbe\n", "#?RADIANCE\n"] {
+        let sky = with(&[signature.as_bytes(), size.as_bytes(), &texels].concat()).unwrap();
+        assert_eq!(sky.rgb, [[1.0, 0.5, 0.0], [255.0, 0.0, 1.0]], "{signature}");
+    }
+    let dim = [header.as_bytes(), b"COLORCORR=1 0 1\n", size.as_bytes(), &texels].concat();
+    let negative = [header.as_bytes(), b"EXPOSURE=-2\n", size.as_bytes(), &texels].concat();
+    let cie = [b"#?RGBE\nFORMAT=32-bit_rle_xyze\n", size.as_bytes(), &texels].concat();
     let black = [header.as_bytes(), size.as_bytes(), &[0; 8]].concat();
     let vast = [header.as_bytes(), b"\n-Y 8000 +X 8000\n", &texels].concat();
     let empty = [header.as_bytes(), b"\n-Y 0 +X 8\n"].concat();
@@ -265,6 +292,9 @@ fn the_image_of_a_sky_may_be_radiance_hdr() {
         (&vast, "too many for its"),
         (&empty, "reads 1 to 64 megapixels"),
         (b"GIF89a", "is not a Radiance HDR image"),
+        (&dim, "an EXPOSURE or a COLORCORR that is not above 0"),
+        (&negative, "an EXPOSURE or a COLORCORR that is not above 0"),
+        (&cie, "is not a Radiance HDR image"),
         (&black[..black.len() - 3], "is not a Radiance HDR image"),
     ] {
         let message = with(bad).expect_err(part);

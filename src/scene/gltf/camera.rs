@@ -1,51 +1,61 @@
 //! Cameras.
 
 use ::gltf::json::Extras;
-use ::gltf::json::camera::{Orthographic, Perspective};
-use serde::Deserialize;
+use ::gltf::json::camera::{Camera as JsonCamera, Orthographic, Perspective};
+use glam::DAffine3;
+use serde_json::Value;
 
 use super::Checked;
-use super::document::{DistinctNames, Document, finite, printable};
+use super::document::{DistinctNames, Document, Warnings, finite, printable};
+use super::extras::{member, warn_of_foreign};
 use super::node::{Worlds, rigid};
-use crate::scene::{Camera, Projection};
+use crate::scene::check::check_camera;
+use crate::scene::{Camera, Projection, UnusableCamera};
 
-/// One camera per node of the scene with a camera, in the order of the nodes.
-pub fn load(doc: &Document, worlds: &Worlds) -> Checked<Vec<Camera>> {
-    let mut cameras = Vec::new();
+/// One camera per node of the scene with a camera, in the order of the nodes. Cameras that cannot be used are in a list of their own:
+/// a render with another camera does not need them, and a moving camera may be unusable for a moment.
+pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> (Vec<Camera>, Vec<UnusableCamera>) {
+    let (mut cameras, mut unusable) = (Vec::new(), Vec::new());
     let mut names = DistinctNames::default();
     for (index, world) in worlds.iter() {
         let Some(node) = doc.root.nodes.get(index) else { continue };
         let Some(number) = node.camera.map(|camera| camera.value()) else { continue };
-        let source = doc.root.cameras.get(number).ok_or_else(|| {
-            format!(
-                "node `{}` refers to camera {number}, which does not exist; re-export the file",
-                doc.node_name(index)
-            )
-        })?;
-        let own = [&node.name, &source.name].into_iter().flatten().find(|name| !name.is_empty());
-        let name = own.map_or_else(|| format!("camera {number}"), |name| printable(name, 120));
-        let (projection, aspect) = match (&source.perspective, &source.orthographic) {
-            (Some(source), _) => perspective(source, &name)?,
-            (None, Some(source)) => orthographic(source, &name)?,
-            (None, None) => {
-                return Err(format!(
-                    "camera `{name}` is neither perspective nor orthographic; correct it and re-export"
-                ));
+        let source = doc.root.cameras.get(number);
+        let own = [&node.name, &source.and_then(|source| source.name.clone())];
+        let own = own.into_iter().flatten().find(|name| !name.is_empty());
+        let name = names.distinct(own.map_or_else(|| format!("camera {number}"), |name| printable(name, 120)));
+        let camera = source
+            .ok_or_else(|| {
+                format!("camera `{name}` refers to camera {number}, which does not exist; re-export the file")
+            })
+            .and_then(|source| camera(source, name.clone(), &world, warnings));
+        match camera {
+            Ok(camera) => cameras.push(camera),
+            Err(why) => {
+                warnings.once("unusable cameras", || format!("a camera is left out: {why}"));
+                unusable.push(UnusableCamera { name, why });
             }
-        };
-        let transform = rigid(&world).ok_or_else(|| {
-            format!("the node of camera `{name}` is scaled to nothing; set its scale to 1 and re-export")
-        })?;
-        cameras.push(Camera {
-            name: names.distinct(name),
-            transform,
-            projection,
-            aspect,
-            resolution: resolution(&source.extras),
-            principal_point: principal_point(&source.extras).unwrap_or(Camera::CENTRED),
-        });
+        }
     }
-    Ok(cameras)
+    (cameras, unusable)
+}
+
+/// The camera `source` of a node with the transform `world`.
+fn camera(source: &JsonCamera, name: String, world: &DAffine3, warnings: &mut Warnings) -> Checked<Camera> {
+    let (projection, aspect) = match (&source.perspective, &source.orthographic) {
+        (Some(source), _) => perspective(source, &name)?,
+        (None, Some(source)) => orthographic(source, &name)?,
+        (None, None) => {
+            return Err(format!("camera `{name}` is neither perspective nor orthographic; correct it and re-export"));
+        }
+    };
+    let transform = rigid(world)
+        .ok_or_else(|| format!("the node of camera `{name}` is scaled to nothing; set its scale to 1 and re-export"))?;
+    let resolution = resolution(&source.extras, &name, warnings);
+    let principal_point = principal_point(&source.extras, &name, warnings).unwrap_or(Camera::CENTRED);
+    let camera = Camera { name, transform, projection, aspect, resolution, principal_point };
+    check_camera(&camera)?;
+    Ok(camera)
 }
 
 /// Projection and aspect ratio of a perspective camera.
@@ -77,24 +87,27 @@ fn orthographic(source: &Orthographic, name: &str) -> Checked<(Projection, Optio
     Ok((Projection::Orthographic { height: 2.0 * half_height }, Some(half_width / half_height)))
 }
 
-/// `width` and `height`, if the extras have both as positive integers. Other programs use extras too, so anything else is not an
-/// error.
-fn resolution(extras: &Extras) -> Option<[u32; 2]> {
-    #[derive(Deserialize)]
-    struct Size {
-        width: u32,
-        height: u32,
+/// `width` and `height`, if the extras have both as positive integers.
+fn resolution(extras: &Extras, name: &str, warnings: &mut Warnings) -> Option<[u32; 2]> {
+    let [width, height] = ["width", "height"].map(|key| member(extras, key));
+    if width.is_none() && height.is_none() {
+        return None;
     }
-    let size: Size = serde_json::from_str(extras.as_ref()?.get()).ok()?;
-    (size.width > 0 && size.height > 0).then_some([size.width, size.height])
+    let pixels = |value: &Value| u32::try_from(value.as_u64()?).ok().filter(|pixels| *pixels > 0);
+    let size = width.as_ref().and_then(pixels).zip(height.as_ref().and_then(pixels));
+    if size.is_none() {
+        let key = if width.is_some() { "width" } else { "height" };
+        warn_of_foreign(key, &format!("camera `{name}`"), "a number of pixels, like the other side", warnings);
+    }
+    size.map(<[u32; 2]>::from)
 }
 
 /// `principal_point`, if the extras have it as two numbers: see [`Camera::principal_point`].
-fn principal_point(extras: &Extras) -> Option<[f64; 2]> {
-    #[derive(Deserialize)]
-    struct Film {
-        principal_point: [f64; 2],
+fn principal_point(extras: &Extras, name: &str, warnings: &mut Warnings) -> Option<[f64; 2]> {
+    let value = member(extras, "principal_point")?;
+    let point = value.as_array().filter(|list| list.len() == 2).and_then(|list| list[0].as_f64().zip(list[1].as_f64()));
+    if point.is_none() {
+        warn_of_foreign("principal_point", &format!("camera `{name}`"), "a list of two numbers", warnings);
     }
-    let film: Film = serde_json::from_str(extras.as_ref()?.get()).ok()?;
-    Some(film.principal_point)
+    point.map(<[f64; 2]>::from)
 }

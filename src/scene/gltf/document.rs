@@ -7,7 +7,7 @@ use super::compressed::{self, Compressed};
 use super::draco::DracoMeshes;
 use super::resolve::Folders;
 use super::root::Root;
-use super::{Checked, lists, morph, resolve};
+use super::{Checked, lists, morph, resolve, text};
 use crate::printable::is_command;
 
 /// A glTF file with its buffers in memory. Nothing in `root` is trusted: callers use `get` for look-ups and checked arithmetic.
@@ -34,6 +34,7 @@ impl<'a> Document<'a> {
     pub fn open(bytes: &'a [u8], folders: Folders) -> Checked<Self> {
         let (json, bin) = resolve::split_container(bytes)?;
         lists::check(json)?;
+        let json = &*text::normalised(json)?;
         let root: Root = serde_json::from_slice(json).map_err(|e| {
             // The JSON of glTF 1.0 has another structure, so the parser fails before the version can be checked.
             if is_gltf_1(json) {

@@ -83,6 +83,11 @@ const EXTENSIONS: &[(&str, Treatment)] = &[
     ("VRMC_vrm", Harmless),
 ];
 
+/// Whether taugate reads the extension `name`.
+pub fn is_read(name: &[u8]) -> bool {
+    EXTENSIONS.iter().any(|(known, treatment)| known.as_bytes() == name && matches!(treatment, Read))
+}
+
 /// Maximum number of extensions that get a warning: a hostile file may name any number of them.
 const MAX_WARNINGS: usize = 20;
 

@@ -14,7 +14,7 @@ use super::node::compose;
 
 const EXTENSION: &str = "EXT_mesh_gpu_instancing";
 /// Maximum number of instances in a scene.
-pub const MAX_INSTANCES: usize = 4 << 20;
+pub const MAX_INSTANCES: u64 = 4 << 20;
 
 /// The extension's object in a node: accessors by attribute.
 #[derive(Deserialize)]
@@ -31,28 +31,43 @@ pub fn has_copies(node: &Node) -> bool {
     object(node).is_some()
 }
 
-/// Transforms from mesh space to the node's space, one per copy; only the identity if the node does not have the extension.
-pub fn copies(doc: &Document, index: usize, node: &Node) -> Checked<Vec<DAffine3>> {
-    let Some(object) = object(node) else { return Ok(vec![DAffine3::IDENTITY]) };
-    let name = doc.node_name(index);
-    let source = Source::deserialize(object)
-        .map_err(|e| format!("the instances of node `{name}` cannot be read ({e}); re-export the file"))?;
-    let what = |attribute: &str| format!("{attribute} of the instances of node `{name}`");
+fn source(object: &Value, name: &str) -> Checked<Source> {
+    Source::deserialize(object)
+        .map_err(|e| format!("the instances of node `{name}` cannot be read ({e}); re-export the file"))
+}
 
-    // All attributes must have the same number of elements, including attributes that taugate does not read.
+/// Number of copies of the node `name`, at most [`MAX_INSTANCES`]. All attributes must have the same number of elements, including
+/// attributes that taugate does not read.
+fn count_of(doc: &Document, source: &Source, name: &str) -> Checked<u64> {
     let mut count = None;
     for (attribute, &accessor) in &source.attributes {
-        let number = doc.count(accessor, &what(attribute))?;
+        let number = doc.count(accessor, &format!("{attribute} of the instances of node `{name}`"))?;
         if *count.get_or_insert(number) != number {
             return Err(format!(
                 "the attributes of the instances of node `{name}` differ in length; re-export the file"
             ));
         }
     }
-    let count = count.unwrap_or(1);
-    if count > MAX_INSTANCES as u64 {
-        return Err(too_many());
+    match count.unwrap_or(1) {
+        count if count > MAX_INSTANCES => Err(too_many()),
+        count => Ok(count),
     }
+}
+
+/// Number of copies of the node; 1 if it does not have the extension. Reads no copies.
+pub fn count(doc: &Document, index: usize, node: &Node) -> Checked<u64> {
+    let Some(object) = object(node) else { return Ok(1) };
+    let name = doc.node_name(index);
+    count_of(doc, &source(object, &name)?, &name)
+}
+
+/// Transforms from mesh space to the node's space, one per copy; only the identity if the node does not have the extension.
+pub fn copies(doc: &Document, index: usize, node: &Node) -> Checked<Vec<DAffine3>> {
+    let Some(object) = object(node) else { return Ok(vec![DAffine3::IDENTITY]) };
+    let name = doc.node_name(index);
+    let source = source(object, &name)?;
+    let count = count_of(doc, &source, &name)?;
+    let what = |attribute: &str| format!("{attribute} of the instances of node `{name}`");
     let read = |attribute: &str, default: [f32; 3]| match source.attributes.get(attribute) {
         None => Ok(vec![default; count as usize]),
         Some(&accessor) => doc.vectors::<3>(accessor, &what(attribute), FLOAT),

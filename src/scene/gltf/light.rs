@@ -2,14 +2,15 @@
 
 use std::f32::consts::FRAC_PI_2;
 
+use ::gltf::json::Extras;
 use ::gltf::json::extensions::scene::khr_lights_punctual::{Light as JsonLight, Type};
 use ::gltf::json::validation::Checked::{Invalid, Valid};
 use glam::{DAffine3, DVec3};
-use serde::Deserialize;
 use serde_json::Value;
 
 use super::Checked;
 use super::document::{Document, Warnings};
+use super::extras::{member, warn_of_foreign};
 use super::node::Worlds;
 use crate::scene::{Light, LightKind};
 
@@ -21,9 +22,19 @@ const TOO_BRIGHT: f32 = 500.0;
 /// strength 2.2 in Blender's user interface.
 const TOO_SUNNY: f32 = 1500.0;
 
-/// The lights and beams of the nodes in the scene, in the order of the nodes.
-pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked<Vec<Light>> {
-    let mut lights = Vec::new();
+/// The lights and beams of the nodes in the scene, in the order of the nodes, and [`crate::scene::Scene::lights_off`].
+pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked<(Vec<Light>, Vec<String>)> {
+    let (mut lights, mut off) = (Vec::new(), Vec::new());
+    let mut add = |kind: LightKind, world: &DAffine3, name: &str, warnings: &mut Warnings| {
+        let (light, is_off) = place(kind, world, name);
+        lights.push(light);
+        if is_off {
+            off.push(name.to_string());
+            warnings.once("flattened lights", || {
+                format!("lights whose node is scaled to nothing have no direction and are off (first: node `{name}`)")
+            });
+        }
+    };
     let by_blender = doc.root.asset.generator.as_ref().is_some_and(|generator| generator.contains("Blender"));
     for (index, world) in worlds.visible() {
         let Some(node) = doc.root.nodes.get(index) else { continue };
@@ -49,28 +60,23 @@ pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked
             if light.range.is_some() {
                 warnings.once("range", || format!("lamps also shine beyond their range (first: node `{name}`)"));
             }
-            lights.push(place(punctual(light, &name)?, &world, &name)?);
+            add(punctual(light, &name)?, &world, &name, warnings);
         }
-        if let Some(extras) = &node.extras
-            && let Some(kind) = beam(extras.get(), &name)?
-        {
-            lights.push(place(kind, &world, &name)?);
+        if let Some(kind) = beam(&node.extras, &name, warnings)? {
+            add(kind, &world, &name, warnings);
         }
     }
-    Ok(lights)
+    Ok((lights, off))
 }
 
-fn place(kind: LightKind, world: &DAffine3, name: &str) -> Checked<Light> {
-    let direction = match (-world.matrix3.z_axis).try_normalize() {
-        Some(direction) => direction,
-        None if matches!(kind, LightKind::Point { .. }) => DVec3::NEG_Z,
-        None => {
-            return Err(format!(
-                "node `{name}` has a light but is scaled to nothing; set its scale to 1 and re-export"
-            ));
-        }
-    };
-    Ok(Light { node: name.into(), position: world.translation, direction, kind })
+/// The light, and whether it is off because the transform of its node leaves it no direction. This may be so for a moment of an
+/// animation.
+fn place(kind: LightKind, world: &DAffine3, name: &str) -> (Light, bool) {
+    let direction = (-world.matrix3.z_axis).try_normalize();
+    let is_off = direction.is_none() && !matches!(kind, LightKind::Point { .. });
+    let kind = if is_off { kind.off() } else { kind };
+    let direction = direction.unwrap_or(DVec3::NEG_Z);
+    (Light { node: name.into(), position: world.translation, direction, kind }, is_off)
 }
 
 fn punctual(light: &JsonLight, name: &str) -> Checked<LightKind> {
@@ -81,46 +87,41 @@ fn punctual(light: &JsonLight, name: &str) -> Checked<LightKind> {
             "the light of node `{name}` has a negative or non-finite intensity; correct it and re-export"
         ));
     }
+    let is_off = intensity == [0.0; 3];
     match light.type_ {
         Valid(Type::Point) => Ok(LightKind::Point { intensity }),
         Valid(Type::Directional) => Ok(LightKind::Directional { irradiance: intensity }),
         Valid(Type::Spot) => {
-            let spot = light
-                .spot
-                .as_ref()
-                .ok_or_else(|| format!("the spot light of node `{name}` has no cone angles; re-export the file"))?;
-            let (inner, outer) = (spot.inner_cone_angle, spot.outer_cone_angle);
-            if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= FRAC_PI_2) {
-                return Err(format!(
+            let cone = light.spot.as_ref().map(|spot| [spot.inner_cone_angle, spot.outer_cone_angle]);
+            let is_valid =
+                |[inner, outer]: [f32; 2]| inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= FRAC_PI_2;
+            match cone {
+                Some([inner, outer]) if is_valid([inner, outer]) => Ok(LightKind::spot(intensity, inner, outer)),
+                // A light that is off needs no cone.
+                _ if is_off => Ok(LightKind::Point { intensity }),
+                None => Err(format!("the spot light of node `{name}` has no cone angles; re-export the file")),
+                Some(_) => Err(format!(
                     "the spot light of node `{name}` must have 0 <= innerConeAngle <= outerConeAngle <= pi/2; correct it and re-export"
-                ));
+                )),
             }
-            Ok(LightKind::spot(intensity, inner, outer))
         }
+        Invalid if is_off => Ok(LightKind::Point { intensity }),
         Invalid => Err(format!("the light of node `{name}` has an unknown type; use point, spot or directional")),
     }
 }
 
-/// The beam in the extras of a node; `None` if they have no `emitter`.
-fn beam(extras: &str, name: &str) -> Checked<Option<LightKind>> {
-    #[derive(Deserialize)]
-    struct Extras {
-        emitter: Option<Value>,
+/// The beam in the extras of a node; `None` if they have no beam.
+fn beam(extras: &Extras, name: &str, warnings: &mut Warnings) -> Checked<Option<LightKind>> {
+    let Some(emitter) = member(extras, "emitter") else { return Ok(None) };
+    if emitter.get("type").and_then(Value::as_str) != Some("collimated_beam") {
+        warn_of_foreign("emitter", &format!("node `{name}`"), "an object of the type collimated_beam", warnings);
+        return Ok(None);
     }
     let malformed = |why: &str| {
         Err(format!(
             "extras.emitter of node `{name}` {why}; write {{\"type\": \"collimated_beam\", \"radius\": 0.01, \"power\": [1, 1, 1]}}"
         ))
     };
-    let emitter = match serde_json::from_str::<Extras>(extras) {
-        Ok(Extras { emitter: Some(emitter) }) => emitter,
-        Ok(Extras { emitter: None }) => return Ok(None),
-        Err(_) if extras.trim_start().starts_with('{') => return malformed("cannot be read"),
-        Err(_) => return Ok(None),
-    };
-    if emitter.get("type").and_then(Value::as_str) != Some("collimated_beam") {
-        return malformed("has a type other than collimated_beam");
-    }
     let number = |value: &Value| {
         let value = value.as_f64()? as f32;
         (value.is_finite() && value >= 0.0).then_some(value)

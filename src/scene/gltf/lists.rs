@@ -26,11 +26,17 @@ const LIMITS: [(&str, usize); 15] = [
     ("textures", 250_000),
 ];
 
+/// So many nodes may have a text of any length. A node with less text than this many bytes is empty, but takes as much memory as
+/// any other.
+const FREE_NODES: usize = 250_000;
+const BYTES_PER_NODE: usize = 24;
+
 /// Fails if a list of `json` is too long. Counts the elements without memory for them. Accepts text that is not valid glTF, which
 /// the parser refuses.
 pub fn check(json: &[u8]) -> Checked<()> {
     let mut too_long = None;
-    let _ = serde_json::Deserializer::from_slice(json).deserialize_map(Root { too_long: &mut too_long });
+    let _ = serde_json::Deserializer::from_slice(json)
+        .deserialize_map(Root { length: json.len(), too_long: &mut too_long });
     match too_long {
         Some((list, limit)) => {
             Err(format!("has more than {limit} {list}; merge meshes and materials before exporting"))
@@ -41,6 +47,8 @@ pub fn check(json: &[u8]) -> Checked<()> {
 
 /// The top level of the JSON. Sets `too_long` to the name and the limit of a list that is too long.
 struct Root<'a> {
+    /// Bytes of the JSON.
+    length: usize,
     too_long: &'a mut Option<(&'static str, usize)>,
 }
 
@@ -57,7 +65,8 @@ impl<'de> Visitor<'de> for Root<'_> {
                 map.next_value::<IgnoredAny>()?;
                 continue;
             };
-            if map.next_value_seed(AtMost(limit))?.is_none() {
+            let limit = if list == "nodes" { limit.min(FREE_NODES.max(self.length / BYTES_PER_NODE)) } else { limit };
+            if map.next_value_seed(Length)? > limit {
                 *self.too_long = Some((list, limit));
                 return Err(A::Error::custom("the list is too long"));
             }
@@ -66,32 +75,29 @@ impl<'de> Visitor<'de> for Root<'_> {
     }
 }
 
-/// Counts the elements of a list. `None` if there are more than this number.
-struct AtMost(usize);
+/// Counts the elements of a list. It reads all of them: the parser takes a list that is left early for a mistake in the text.
+struct Length;
 
-impl<'de> DeserializeSeed<'de> for AtMost {
-    type Value = Option<usize>;
+impl<'de> DeserializeSeed<'de> for Length {
+    type Value = usize;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Option<usize>, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<usize, D::Error> {
         deserializer.deserialize_seq(self)
     }
 }
 
-impl<'de> Visitor<'de> for AtMost {
-    type Value = Option<usize>;
+impl<'de> Visitor<'de> for Length {
+    type Value = usize;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str("a list")
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Option<usize>, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<usize, A::Error> {
         let mut count = 0;
         while list.next_element::<IgnoredAny>()?.is_some() {
             count += 1;
-            if count > self.0 {
-                return Ok(None);
-            }
         }
-        Ok(Some(count))
+        Ok(count)
     }
 }

@@ -9,6 +9,7 @@ use ::gltf::json::validation::Checked::{Invalid, Valid};
 
 use super::document::{Document, Warnings, finite, label};
 use super::material_extension::{Clearcoat, SpecularGlossiness, read};
+use super::node::Worlds;
 use super::texture::{Channels, Textures};
 use super::texture_use::{TextureUse, UvMapping, add_all, as_info};
 use super::{Checked, retroreflector, thin_glass};
@@ -63,7 +64,31 @@ impl Materials {
     }
 }
 
-pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Materials> {
+/// For each material of the file, whether a mesh of a visible node has it.
+pub fn used(doc: &Document, worlds: &Worlds) -> Vec<bool> {
+    let mut is_used = vec![false; doc.root.materials.len()];
+    let mut is_counted = vec![false; doc.root.meshes.len()];
+    for (index, _) in worlds.visible() {
+        let number = doc.root.nodes.get(index).and_then(|node| node.mesh).map(|mesh| mesh.value());
+        let Some((mesh, is_counted)) = number.and_then(|n| Some((doc.root.meshes.get(n)?, is_counted.get_mut(n)?)))
+        else {
+            continue;
+        };
+        // Many nodes may share a mesh of many primitives.
+        if std::mem::replace(is_counted, true) {
+            continue;
+        }
+        for material in mesh.primitives.iter().filter_map(|primitive| primitive.material) {
+            if let Some(is_used) = is_used.get_mut(material.value()) {
+                *is_used = true;
+            }
+        }
+    }
+    is_used
+}
+
+/// Reads all materials. Those that no mesh has, see [`used`], get no textures, and their mistakes are no errors.
+pub fn load(doc: &Document, is_used: &[bool], warnings: &mut Warnings) -> Checked<Materials> {
     let mut out = Materials {
         materials: vec![],
         textures: Textures::new(doc),
@@ -73,8 +98,15 @@ pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Materials> {
         flat: HashMap::new(),
     };
     for (index, material) in doc.root.materials.iter().enumerate() {
-        let material = out.material(doc, index, material, warnings)?;
+        let (material, uv_mapping) = match out.material(doc, index, material, is_used[index], warnings) {
+            Err(why) if !is_used[index] => {
+                warnings.once("unused materials", || format!("a material that no mesh has is left out: {why}"));
+                (default_material(), UvMapping::default())
+            }
+            material => material?,
+        };
         out.materials.push(material);
+        out.uv_mappings.push(uv_mapping);
     }
     out.warn_of_limits(warnings);
     Ok(out)
@@ -95,8 +127,9 @@ impl Materials {
         doc: &Document,
         index: usize,
         source: &json::Material,
+        is_used: bool,
         warnings: &mut Warnings,
-    ) -> Checked<Material> {
+    ) -> Checked<(Material, UvMapping)> {
         let name = label(source.name.as_deref(), "material", index);
         let ext = source.extensions.clone().unwrap_or_default();
         let limited = &mut self.limited;
@@ -219,8 +252,10 @@ impl Materials {
             specular_color = SpecularGlossiness::specular_color(specular_color);
             ior = SpecularGlossiness::IOR;
         }
+        if !is_used {
+            uses = Default::default();
+        }
         let (textures, uv_mapping) = add_all(uses, 3, &name, doc, &mut self.textures, warnings)?;
-        self.uv_mappings.push(uv_mapping);
         let [base_color_texture, emission_texture, surface_texture, normal_texture, ..] = textures;
         if glossy.is_some() && surface_texture.is_some() {
             // The texture contains the factor.
@@ -228,6 +263,10 @@ impl Materials {
         }
         let [.., specular_texture, specular_color_texture, clearcoat_texture, _, _] = textures;
         let [.., clearcoat_roughness_texture, transmission_texture] = textures;
+        let retroreflector = match is_used {
+            true => retroreflector::read(&source.extras, &name, warnings)?,
+            false => None,
+        };
         let mut material = Material {
             base_color,
             base_color_texture,
@@ -252,7 +291,7 @@ impl Materials {
             clearcoat_roughness_texture,
             alpha_mode,
             double_sided: source.double_sided,
-            retroreflector: retroreflector::read(&source.extras, &name)?,
+            retroreflector,
             interior: None,
             thin: None,
             thickness: 0.0,
@@ -260,7 +299,7 @@ impl Materials {
             name,
         };
         thin_glass::read(&source.extras, &mut material, warnings);
-        Ok(material)
+        Ok((material, uv_mapping))
     }
 
     fn warn_of_limits(&self, warnings: &mut Warnings) {

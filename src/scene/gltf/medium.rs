@@ -6,6 +6,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::document::{Document, Warnings, label, printable};
+use super::extras::{member, warn_of_foreign};
 use super::{Checked, volume};
 use crate::scene::{MAX_COEFFICIENT, Material, Medium, PhaseFunction};
 
@@ -55,19 +56,28 @@ enum JsonPhase {
 }
 
 /// The medium of the default scene, if its extras describe one.
-pub fn load(doc: &Document) -> Checked<Vec<Medium>> {
+pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Vec<Medium>> {
     let index = doc.root.scene.map_or(0, |scene| scene.value());
     let Some(scene) = doc.root.scenes.get(index) else { return Ok(vec![]) };
-    let medium = read(&scene.extras, "the scene")?;
+    let medium = read(&scene.extras, "the scene", warnings)?;
     Ok(medium.into_iter().collect())
 }
 
 /// Adds the media inside the meshes of each material: the medium of its extras, and the absorption of KHR_materials_volume. If a
-/// material has both, their absorption adds up. `materials` begins with the materials of the file, in its order.
-pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut Warnings) -> Checked<()> {
+/// material has both, their absorption adds up. `materials` begins with the materials of the file, in its order. `is_used`: whether
+/// a mesh has the material; the others get no media.
+pub fn add_interiors(
+    doc: &Document,
+    is_used: &[bool],
+    materials: &mut [Material],
+    warnings: &mut Warnings,
+) -> Checked<()> {
     for (index, (source, material)) in doc.root.materials.iter().zip(materials).enumerate() {
+        if !is_used[index] {
+            continue;
+        }
         let name = label(source.name.as_deref(), "material", index);
-        material.interior = read(&source.extras, &format!("material `{name}`"))?;
+        material.interior = read(&source.extras, &format!("material `{name}`"), warnings)?;
         // A volume without transmission is not visible.
         if material.transmission == 0.0 {
             continue;
@@ -82,29 +92,29 @@ pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut 
     Ok(())
 }
 
-/// The medium in `extras`. `None` if they have no object `medium`: other programs use extras too. `of` names the owner of the extras
+/// The medium in `extras`. `None`, with a warning, if their `medium` has no coefficient of taugate. `of` names the owner of the extras
 /// in messages.
-fn read(extras: &Extras, of: &str) -> Checked<Option<Medium>> {
-    #[derive(Deserialize)]
-    struct WithMedium {
-        medium: Option<Value>,
+fn read(extras: &Extras, of: &str, warnings: &mut Warnings) -> Checked<Option<Medium>> {
+    let Some(medium) = member(extras, "medium") else { return Ok(None) };
+    if !["sigma_s", "sigma-s", "sigma_a", "sigma-a"].iter().any(|key| medium.get(key).is_some()) {
+        warn_of_foreign("medium", of, "an object with sigma_s or sigma_a", warnings);
+        return Ok(None);
     }
     let wrong = |why: String| {
         Err(format!(
             "extras.medium of {of} {why}; write {{\"sigma_s\": 0.02, \"sigma_a\": 0.001, \"phase\": {{\"type\": \"hg\", \"g\": 0.8}}}}"
         ))
     };
-    let extras = extras.as_ref().and_then(|extras| serde_json::from_str::<WithMedium>(extras.get()).ok());
-    let Some(medium @ Value::Object(_)) = extras.and_then(|extras| extras.medium) else { return Ok(None) };
+    // The parser would read a list as an object.
+    if medium.get("phase").is_some_and(Value::is_array) {
+        return wrong("has a phase that is no object".into());
+    }
     let json: Json = match serde_json::from_value(medium) {
         Ok(json) => json,
         Err(e) => return wrong(format!("cannot be read ({})", printable(&e.to_string(), 200))),
     };
     if let Some(kind) = json.kind.filter(|kind| kind != "homogeneous") {
         return wrong(format!("has the type `{}` instead of `homogeneous`", printable(&kind, 40)));
-    }
-    if json.sigma_s.is_none() && json.sigma_a.is_none() {
-        return wrong("has neither sigma_s nor sigma_a".into());
     }
     let (Some(sigma_s), Some(sigma_a)) = (rgb(json.sigma_s), rgb(json.sigma_a)) else {
         return wrong("has a sigma_s or sigma_a that is neither one number nor three".into());

@@ -2,18 +2,20 @@
 
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
-use std::ops::Range;
 
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked::{Invalid, Valid};
-use glam::{DAffine2, DVec2, DVec3, Vec3};
+use glam::DVec3;
 
 use super::Checked;
 use super::accessor::{DIRECTION, MAX_ELEMENTS, QUANTIZED};
+use super::clean::{drop_unused, has_zero_area, normalise, normalise_tangents, transform_uvs};
 use super::document::{Document, Warnings, label};
 use super::material::Materials;
 use super::node::Worlds;
 use super::pose::{Pose, Skin};
+use super::source::Source;
+use crate::free_memory;
 use crate::scene::Mesh;
 
 /// Maximum number of triangles in a scene, instances included.
@@ -24,11 +26,14 @@ pub const MAX_TRIANGLES: u64 = 64 << 20;
 const FREE_TANGENT_WORK: u64 = 1 << 26;
 const TANGENT_WORK_PER_CORNER: u64 = 32;
 
+/// Bytes that a vertex takes at least: its position.
+const VERTEX_BYTES: u64 = 12;
+
 /// The meshes of a node.
 #[derive(Clone)]
 pub struct Placement {
     /// Indices into [`Meshes::meshes`].
-    pub range: Range<usize>,
+    pub meshes: Vec<usize>,
     /// The origin of the meshes in the world, if a skin places them. Then the node's transform has no effect.
     pub skinned_at: Option<DVec3>,
 }
@@ -48,6 +53,10 @@ pub struct Meshes {
     pub meshes: Vec<Mesh>,
     /// By node.
     placements: HashMap<usize, Placement>,
+    /// The mesh of each primitive so far; `None` if it has no visible triangle.
+    known: HashMap<Source, Option<usize>>,
+    /// Bytes of memory that were free before the first mesh was read, if they are known.
+    free: Option<u64>,
     /// Vertices read so far. A limit on the file size is not enough, because many primitives may share one accessor.
     vertices_read: u64,
     /// Triangle corners read so far.
@@ -60,11 +69,13 @@ pub struct Meshes {
     missing_uvs: Vec<String>,
     /// Meshes whose tangents would take too long.
     crowded: Vec<String>,
+    /// The error about the first attribute that no material needs.
+    unneeded: Option<String>,
 }
 
 /// Reads every mesh that a visible node of the scene refers to; drops and counts primitives and triangles that cannot be seen.
 pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings: &mut Warnings) -> Checked<Meshes> {
-    let mut out = Meshes::default();
+    let mut out = Meshes { free: free_memory::free(), ..Meshes::default() };
     let mut skins: HashMap<usize, Option<Skin>> = HashMap::new();
     let mut matrices_read = 0;
     let mut nodes_of: BTreeMap<Shape, Vec<usize>> = BTreeMap::new();
@@ -88,17 +99,20 @@ pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings
         let shape = Shape { mesh: number, skin, weights: weights.map(|weight| weight.to_bits()).collect() };
         nodes_of.entry(shape).or_default().push(index);
     }
+    let mut poses: HashMap<(Option<usize>, Vec<u32>), usize> = HashMap::new();
     for (shape, nodes) in nodes_of {
         let Some(mesh) = doc.root.meshes.get(shape.mesh) else { continue };
-        let weights: Vec<f32> = shape.weights.into_iter().map(f32::from_bits).collect();
+        let weights: Vec<f32> = shape.weights.iter().copied().map(f32::from_bits).collect();
         let skin = shape.skin.and_then(|number| skins[&number].as_ref());
         let pose = Pose { weights: &weights, skin };
-        let start = out.meshes.len();
+        let next = poses.len();
+        let pose_number = *poses.entry((shape.skin, shape.weights)).or_insert(next);
+        let mut meshes = vec![];
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             let name = format!("{}[{number}]", label(mesh.name.as_deref(), "mesh", shape.mesh));
-            out.primitive(doc, name, primitive, &pose, materials)?;
+            meshes.extend(out.primitive(doc, name, primitive, (&pose, pose_number), materials)?);
         }
-        let placement = Placement { range: start..out.meshes.len(), skinned_at: skin.map(|skin| skin.origin) };
+        let placement = Placement { meshes, skinned_at: skin.map(|skin| skin.origin) };
         out.placements.extend(nodes.into_iter().map(|node| (node, placement.clone())));
     }
     out.warn(warnings);
@@ -138,6 +152,10 @@ impl Meshes {
         if let Some((count, name)) = first(&self.missing_uvs) {
             warnings.push(format!("{count} textured meshes have no texture coordinates (first: {name})"));
         }
+        if let Some(why) = &self.unneeded {
+            let why = why.split("; ").next().unwrap_or(why);
+            warnings.push(format!("vertex attributes that the material does not need are left out: {why}"));
+        }
         if let Some((count, name)) = first(&self.crowded) {
             warnings.push(format!(
                 "the normal maps of {count} meshes are left out: too many triangles share a vertex to compute tangents; export \
@@ -146,23 +164,47 @@ impl Meshes {
         }
     }
 
-    /// Appends the mesh of one primitive, unless it has no visible triangle.
+    /// Index of the mesh of one primitive, which is read unless it is known; `None` if it has no visible triangle. Equal poses have
+    /// equal numbers.
     fn primitive(
         &mut self,
         doc: &Document,
         name: String,
         primitive: &Primitive,
-        pose: &Pose,
+        (pose, pose_number): (&Pose, usize),
         materials: &mut Materials,
-    ) -> Checked<()> {
+    ) -> Checked<Option<usize>> {
         let mode = match primitive.mode {
             Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
             Valid(_) => {
                 self.points_or_lines += 1;
-                return Ok(());
+                return Ok(None);
             }
             Invalid => return Err(format!("{name} has an unknown mode; re-export the file")),
         };
+        let source = Source::new(mode, primitive, pose_number);
+        if let Some(known) = self.known.get(&source) {
+            return Ok(*known);
+        }
+        let mesh = self.read(doc, name, mode, primitive, pose, materials)?;
+        let index = mesh.map(|mesh| {
+            self.meshes.push(mesh);
+            self.meshes.len() - 1
+        });
+        self.known.insert(source, index);
+        Ok(index)
+    }
+
+    /// The mesh of one primitive; `None` if it has no visible triangle.
+    fn read(
+        &mut self,
+        doc: &Document,
+        name: String,
+        mode: Mode,
+        primitive: &Primitive,
+        pose: &Pose,
+        materials: &mut Materials,
+    ) -> Checked<Option<Mesh>> {
         let mut mesh = self.vertices(doc, name, primitive, materials)?;
         self.count_vertices(mesh.positions.len() as u64 * pose.targets(primitive), &mesh.name)?;
         let is_mirrored = pose.apply(doc, primitive, &mut mesh)?;
@@ -190,7 +232,7 @@ impl Meshes {
             _ => (0..number / 3).for_each(|i| push([3 * i, 3 * i + 1, 3 * i + 2])),
         }
         if mesh.triangles.is_empty() {
-            return Ok(());
+            return Ok(None);
         }
 
         drop_unused(&mut mesh);
@@ -201,32 +243,44 @@ impl Meshes {
         // The tangents of the file do not fit the normals of flat or deformed meshes.
         let is_smooth = !mesh.normals.is_empty() && !pose.deforms();
         let has_tangents = is_smooth && !mesh.uvs.is_empty() && normalise_tangents(&mut mesh.tangents);
+        self.complete_tangents(&mut mesh, has_tangents, materials);
+        if mesh.uvs.is_empty() && materials.is_textured(mesh.material) {
+            self.missing_uvs.push(mesh.name.clone());
+        }
+        Ok(Some(mesh))
+    }
+
+    /// Gives the mesh the tangents that its material needs, or a material without a normal map if they would take too long.
+    /// `has_tangents`: whether the mesh has valid tangents.
+    pub fn complete_tangents(&mut self, mesh: &mut Mesh, has_tangents: bool, materials: &mut Materials) {
         if !materials.is_bumped(mesh.material) {
             mesh.tangents = Vec::new();
         } else if !has_tangents {
             mesh.tangents = Vec::new();
-            if self.can_have_tangents(&mesh) {
+            if self.can_have_tangents(mesh) {
                 mesh.compute_tangents();
             } else {
                 mesh.material = materials.without_normal_map(mesh.material);
                 self.crowded.push(mesh.name.clone());
             }
         }
-        if mesh.uvs.is_empty() && materials.is_textured(mesh.material) {
-            self.missing_uvs.push(mesh.name.clone());
-        }
-        self.meshes.push(mesh);
-        Ok(())
     }
 
     /// Counts vertices, or vertices of morph targets, before they are read. Fails if there are too many.
     fn count_vertices(&mut self, count: u64, name: &str) -> Checked<()> {
         self.vertices_read += count;
-        match self.vertices_read > MAX_ELEMENTS {
-            true => Err(format!(
+        if self.vertices_read > MAX_ELEMENTS {
+            return Err(format!(
                 "the scene has more than {MAX_ELEMENTS} vertices at {name}, morph targets included; simplify it or split it"
+            ));
+        }
+        match self.free.filter(|free| self.vertices_read * VERTEX_BYTES > *free) {
+            Some(free) => Err(format!(
+                "the scene has {} vertices up to {name}, too many for the {} MiB of memory that are free; simplify it or split it",
+                self.vertices_read,
+                free >> 20
             )),
-            false => Ok(()),
+            None => Ok(()),
         }
     }
 
@@ -271,29 +325,39 @@ impl Meshes {
         check_finite(&normals, &what("NORMAL"))?;
         let (material, mapping) = materials.of(primitive.material.map(|material| material.value()), &name)?;
         let set = format!("TEXCOORD_{}", mapping.set);
-        let mut uvs = match attribute(primitive, Semantic::TexCoords(mapping.set)) {
-            None => Vec::new(),
-            Some(accessor) => {
-                let accessor = beside_positions(accessor, &what(&set))?;
-                doc.vectors::<2>(accessor, &what(&set), QUANTIZED)?
+        let uvs = attribute(primitive, Semantic::TexCoords(mapping.set)).map_or(Ok(Vec::new()), |accessor| {
+            let accessor = beside_positions(accessor, &what(&set))?;
+            let mut uvs = doc.vectors::<2>(accessor, &what(&set), QUANTIZED)?;
+            if let Some(transform) = mapping.transform {
+                transform_uvs(&mut uvs, &transform);
             }
-        };
+            check_finite(&uvs, &what(&set))?;
+            Ok(uvs)
+        });
+        let uvs = self.unless_unneeded(uvs, materials.is_textured(material))?;
         let colors = match attribute(primitive, Semantic::Colors(0)) {
             None => Vec::new(),
             Some(accessor) => doc.colors(beside_positions(accessor, &what("COLOR_0"))?, &what("COLOR_0"))?,
         };
-        let tangents = match attribute(primitive, Semantic::Tangents) {
-            None => Vec::new(),
-            Some(accessor) => {
-                doc.vectors::<4>(beside_positions(accessor, &what("TANGENT"))?, &what("TANGENT"), DIRECTION)?
-            }
-        };
-        check_finite(&tangents, &what("TANGENT"))?;
-        if let Some(transform) = mapping.transform {
-            transform_uvs(&mut uvs, &transform);
-        }
-        check_finite(&uvs, &what(&set))?;
+        let tangents = attribute(primitive, Semantic::Tangents).map_or(Ok(Vec::new()), |accessor| {
+            let accessor = beside_positions(accessor, &what("TANGENT"))?;
+            let tangents = doc.vectors::<4>(accessor, &what("TANGENT"), DIRECTION)?;
+            check_finite(&tangents, &what("TANGENT"))?;
+            Ok(tangents)
+        });
+        let tangents = self.unless_unneeded(tangents, materials.is_bumped(material))?;
         Ok(Mesh { positions, normals, uvs, colors, tangents, triangles: Vec::new(), material, name })
+    }
+
+    /// The attribute `values`. If it cannot be read and the material does not need it, it is empty, and the user gets a warning.
+    fn unless_unneeded<T>(&mut self, values: Checked<Vec<T>>, is_needed: bool) -> Checked<Vec<T>> {
+        match values {
+            Err(why) if !is_needed => {
+                self.unneeded.get_or_insert(why);
+                Ok(Vec::new())
+            }
+            values => values,
+        }
     }
 
     /// The vertex index of each corner in drawing order; each is below `mesh.positions.len()`.
@@ -330,69 +394,4 @@ pub fn check_finite<const N: usize>(vectors: &[[f32; N]], what: &str) -> Checked
         None => Ok(()),
         Some(vertex) => Err(format!("{what} is not finite at vertex {vertex}; clean the mesh and re-export")),
     }
-}
-
-fn transform_uvs(uvs: &mut [[f32; 2]], transform: &DAffine2) {
-    for uv in uvs {
-        *uv = transform.transform_point2(DVec2::from(uv.map(f64::from))).as_vec2().to_array();
-    }
-}
-
-/// Whether the cross product of two edges vanishes in f64. The test is exact if corners coincide.
-fn has_zero_area(corners: [[f32; 3]; 3]) -> bool {
-    let [a, b, c] = corners.map(|corner| Vec3::from(corner).as_dvec3());
-    (b - a).cross(c - a) == glam::DVec3::ZERO
-}
-
-/// Removes vertices that no triangle uses: some exporters give every primitive the vertices of all primitives.
-fn drop_unused(mesh: &mut Mesh) {
-    let mut is_used = vec![false; mesh.positions.len()];
-    for &index in mesh.triangles.iter().flatten() {
-        is_used[index as usize] = true;
-    }
-    let kept = is_used.iter().filter(|is_used| **is_used).count();
-    if kept == is_used.len() {
-        return;
-    }
-    fn keep<T: Copy>(values: &mut Vec<T>, is_used: &[bool]) {
-        *values = values.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|(value, _)| *value).collect();
-    }
-    keep(&mut mesh.positions, &is_used);
-    keep(&mut mesh.normals, &is_used);
-    keep(&mut mesh.uvs, &is_used);
-    keep(&mut mesh.colors, &is_used);
-    keep(&mut mesh.tangents, &is_used);
-    let mut next = 0;
-    let renumbered: Vec<u32> = is_used
-        .iter()
-        .map(|&is_used| {
-            next += u32::from(is_used);
-            next.wrapping_sub(1)
-        })
-        .collect();
-    for index in mesh.triangles.iter_mut().flatten() {
-        *index = renumbered[*index as usize];
-    }
-}
-
-/// Scales all tangents to unit length, and their w to 1 or -1; false if there are none, or if a tangent has length zero.
-fn normalise_tangents(tangents: &mut [[f32; 4]]) -> bool {
-    !tangents.is_empty()
-        && tangents.iter_mut().all(|tangent| {
-            let [x, y, z, w] = tangent.map(f64::from);
-            let Some(unit) = glam::DVec3::new(x, y, z).try_normalize() else { return false };
-            *tangent = unit.as_vec3().extend(1f32.copysign(w as f32)).to_array();
-            true
-        })
-}
-
-/// Scales all normals to unit length; false if a normal has length zero.
-fn normalise(normals: &mut [[f32; 3]]) -> bool {
-    normals.iter_mut().all(|normal| match Vec3::from(*normal).as_dvec3().try_normalize() {
-        Some(unit) => {
-            *normal = unit.as_vec3().to_array();
-            true
-        }
-        None => false,
-    })
 }

@@ -12,7 +12,7 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use super::compressed::is_fallback;
 use super::document::printable;
 use super::root::Root;
-use super::{Checked, lists};
+use super::{Checked, lists, text};
 
 /// Maximum size of a file or a buffer in bytes.
 pub const MAX_BYTES: u64 = 1 << 30;
@@ -45,7 +45,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 pub fn split_container(bytes: &[u8]) -> Checked<(&[u8], Option<&[u8]>)> {
     let Some(rest) = bytes.strip_prefix(b"glTF") else {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        return Ok((text, None));
+        return Ok((unpadded(text), None));
     };
     let truncated = || "is a truncated GLB file; copy or export it again".to_string();
     let (version, rest) = u32_le(rest).ok_or_else(truncated)?;
@@ -67,7 +67,13 @@ pub fn split_container(bytes: &[u8]) -> Checked<(&[u8], Option<&[u8]>)> {
         }
         rest = after;
     }
-    Ok((json.ok_or_else(truncated)?, bin))
+    Ok((unpadded(json.ok_or_else(truncated)?), bin))
+}
+
+/// `json` without NUL bytes at its end: some exporters pad the chunk with them instead of spaces.
+fn unpadded(json: &[u8]) -> &[u8] {
+    let end = json.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    &json[..end]
 }
 
 fn u32_le(bytes: &[u8]) -> Option<(u32, &[u8])> {
@@ -120,7 +126,8 @@ pub fn external_paths(bytes: &[u8], folders: Folders) -> Vec<PathBuf> {
 
 fn external_uris(bytes: &[u8]) -> Vec<String> {
     let json = split_container(bytes).ok().map(|(json, _)| json).filter(|json| lists::check(json).is_ok());
-    let Some(root) = json.and_then(|json| serde_json::from_slice::<Root>(json).ok()) else { return vec![] };
+    let json = json.and_then(|json| text::normalised(json).ok());
+    let Some(root) = json.and_then(|json| serde_json::from_slice::<Root>(&json).ok()) else { return vec![] };
     let buffers = root.buffers.into_iter().filter_map(|buffer| buffer.uri);
     let images = root.images.into_iter().filter_map(|image| image.uri);
     buffers.chain(images).filter(|uri| !is_data(uri)).collect()
@@ -177,7 +184,7 @@ pub fn uri_bytes(uri: &str, folders: Folders, what: &str) -> Checked<Vec<u8>> {
 
 /// The file name of a relative URI, or the reason why it is refused.
 fn relative_name(uri: &str, folders: Folders) -> Checked<String> {
-    let name = percent_decode(uri)?;
+    let name = percent_decode(uri);
     let scheme_end = name.find(|c: char| !c.is_ascii_alphanumeric() && !"+-.".contains(c));
     if scheme_end.is_some_and(|end| end > 0 && name[end..].starts_with(':')) {
         return Err("has a scheme or a drive letter".into());
@@ -194,22 +201,23 @@ fn relative_name(uri: &str, folders: Folders) -> Checked<String> {
     Ok(name)
 }
 
-fn percent_decode(uri: &str) -> Checked<String> {
+/// `uri` with its percent escapes decoded once. A `%` that begins no escape stands for itself, because some exporters write names as
+/// they are. So does every `%` of a URI whose escapes are not UTF-8.
+fn percent_decode(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let [first, after @ ..] = rest {
         let (byte, after) = match (first, after) {
             (b'%', [high, low, after @ ..]) => match (hex(*high), hex(*low)) {
                 (Some(high), Some(low)) => (high << 4 | low, after),
-                _ => return Err("has an invalid % escape".into()),
+                _ => (b'%', &rest[1..]),
             },
-            (b'%', _) => return Err("has an invalid % escape".into()),
             _ => (*first, after),
         };
         bytes.push(byte);
         rest = after;
     }
-    String::from_utf8(bytes).map_err(|_| "has an invalid % escape (not UTF-8)".into())
+    String::from_utf8(bytes).unwrap_or_else(|_| uri.into())
 }
 
 fn hex(digit: u8) -> Option<u8> {
@@ -247,6 +255,10 @@ mod tests {
         assert_eq!(name_of("a%20b/c.bin").unwrap(), "a b/c.bin");
         assert_eq!(name_of("%252e%252e/c").unwrap(), "%2e%2e/c");
         assert_eq!(name_of("a..b/...c").unwrap(), "a..b/...c");
+        for raw in ["50%.png", "50%_grey%20.png", "a%", "a%f", "a%zz", "%", "a%FFb%20c"] {
+            let decoded = if raw.contains("FF") { raw.into() } else { raw.replace("%20", " ") };
+            assert_eq!(name_of(raw).unwrap(), decoded, "{raw}");
+        }
     }
 
     #[test]
@@ -268,11 +280,7 @@ mod tests {
             "file:///a",
             "http://a/b",
             "a%00b",
-            "a%FFb",
-            "a%",
-            "a%f",
-            "a%zz",
-            "%",
+            "50%/%2e%2e/a",
         ];
         for uri in hostile {
             assert!(name_of(uri).is_err(), "{uri}");
