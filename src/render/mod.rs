@@ -14,6 +14,7 @@ mod emitters;
 mod far_objects;
 mod first_surface;
 pub mod geometry;
+mod glass_checks;
 pub mod grid;
 mod haze;
 mod layers;

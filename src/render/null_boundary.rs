@@ -46,7 +46,7 @@ pub fn is_inside_out(mesh: &Mesh) -> bool {
 
 /// Number of edges that lack a partner: a triangle that runs along the edge in the other direction. Corners at the same position
 /// count as one.
-fn open_edges(mesh: &Mesh) -> usize {
+pub(super) fn open_edges(mesh: &Mesh) -> usize {
     // The sum turns -0 into 0.
     let place = |corner: u32| mesh.positions[corner as usize].map(|x| (x + 0.0).to_bits());
     let mut balance: HashMap<_, i64> = HashMap::new();

@@ -10,7 +10,7 @@ use super::media::Media;
 use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, far_objects, grid, null_boundary, oversized, pinhole_in_fog};
+use super::{coplanar, far_objects, glass_checks, grid, null_boundary, oversized, pinhole_in_fog};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -141,7 +141,8 @@ impl PreparedScene {
 
     /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
     /// far too large, and objects that are far too distant. They also name a lamp at the pinhole in fog, lamps in the plane of another
-    /// surface, and density grids that lose thin parts. Or they say that the search for the glass around lamps was stopped.
+    /// surface, and density grids that lose thin parts. Or they say that the search for the glass around lamps was stopped. Others name
+    /// solids that are turned around, are nested, touch, or have an alpha below 1.
     pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
@@ -157,7 +158,9 @@ impl PreparedScene {
         let at_pinhole = pinhole_in_fog::warning(scene, settings, space, self.sensor, self.powers());
         let coplanar = coplanar::warnings(scene, geometry, space);
         let warnings = copies.into_iter().chain(oversized).chain(far).chain(unplaced).chain(at_pinhole).chain(coplanar);
-        warnings.chain(grid::warnings(scene)).collect()
+        let is_timed = !settings.responses().are_steady() || !self.media.list.is_empty();
+        let of_glass = glass_checks::warnings(scene, geometry, &self.solids, space, is_timed);
+        warnings.chain(grid::warnings(scene)).chain(of_glass).collect()
     }
 
     /// Number of triangles over all instances, without copies.

@@ -36,5 +36,6 @@ mod strategies;
 mod sun;
 mod surface;
 mod trees;
+mod turned_glass;
 mod water;
 mod z_map;
