@@ -120,7 +120,7 @@ mod tests {
         camera(&mut scene, DVec3::Z * 9.0, DVec3::ZERO, 0.5, [8, 8]);
         scene.add_light("lamp", DVec3::Y * 9.0, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
         let settings = Settings::builder().gate(gate).build().unwrap();
-        PreparedScene::new(&scene, &settings).unwrap().warnings(&scene, &settings)
+        PreparedScene::new(&scene, &settings).unwrap().scene_warnings(&scene, &settings)
     }
 
     /// The warnings must be one with all `parts`, or none if there are no parts.

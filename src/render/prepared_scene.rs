@@ -7,6 +7,7 @@ use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::media::Media;
+use super::missing_light::{MissingLight, missing_light};
 use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
@@ -139,11 +140,36 @@ impl PreparedScene {
         Some((settings, prepared))
     }
 
-    /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
+    /// Warnings about a valid scene that will look wrong, one text each: [`PreparedScene::scene_warnings`] and [`missing_light`].
+    pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
+        let missing = missing_light(scene, settings, self).map(|missing| missing.describe());
+        self.scene_warnings(scene, settings).into_iter().chain(missing).collect()
+    }
+
+    /// As [`missing_light`], for a scan with `count` points of the laser. Searches at some of them, and returns the one with the largest
+    /// share of pixels. `at`: the laser, which is the last light of `scene`, and the camera while the laser looks at a point.
+    pub fn missing_in_scan(
+        &self,
+        scene: &Scene,
+        settings: &Settings,
+        count: usize,
+        at: impl Fn(usize) -> (Light, Camera),
+    ) -> Option<(usize, MissingLight)> {
+        let mut turned = scene.clone();
+        let missing = (0..count).step_by(count.div_ceil(SEARCHED_POINTS).max(1)).filter_map(|point| {
+            let (laser, camera) = at(point);
+            *turned.lights.last_mut().expect("the laser is the last light") = laser;
+            turned.cameras[settings.camera()] = camera;
+            Some((point, missing_light(&turned, settings, self)?))
+        });
+        missing.max_by(|(_, a), (_, b)| a.share.total_cmp(&b.share))
+    }
+
+    /// Warnings that do not depend on the view. They are about copies of triangles, surfaces that are
     /// far too large, and objects that are far too distant. They also name a lamp at the pinhole in fog, lamps in the plane of another
     /// surface, and density grids that lose thin parts. Or they say that the search for the glass around lamps was stopped. Others name
     /// solids that are turned around, are nested, touch, or have an alpha below 1.
-    pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
+    pub fn scene_warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
             let triangles = if count == 1 { "triangle is a copy of another" } else { "triangles are copies of others" };
@@ -168,6 +194,9 @@ impl PreparedScene {
         self.geometry.triangles.len()
     }
 }
+
+/// Points of the laser at which light is searched that no strategy forms.
+const SEARCHED_POINTS: usize = 16;
 
 const UNPLACED: &str = "the search for the glass around lamps was stopped, because there are too many lamps and triangles of glass; some \
                         lamps count as being outside of glass; if they are inside, use fewer lamps, or glass with fewer triangles";
