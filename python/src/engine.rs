@@ -13,7 +13,7 @@ use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers};
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::{Budget, Settings};
@@ -94,7 +94,8 @@ pub fn prepare(
         }
     }
     let prepared = PreparedScene::new(&scene, settings)?;
-    let warnings = prepared.warnings(&scene, settings);
+    let warnings = prepared.scene_warnings(&scene, settings);
+    let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
     if !may_be_dark(experiment, settings) {
         feasible::check_gate(&scene, settings, &prepared, device_name)?;
     }
@@ -110,7 +111,7 @@ pub fn prepare(
         renderer.estimate_response_variance();
     }
     let settings = settings.clone();
-    Ok(Prepared { ready: Ready { renderer, scene, settings, prepared: Some(prepared), warnings }, layers })
+    Ok(Prepared { ready: Ready { renderer, scene, settings, prepared: Some(prepared), warnings, missing }, layers })
 }
 
 /// Fails if the images of several gates need more memory than is free. They exist twice at the end: in the renderer, which the next

@@ -65,6 +65,10 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")?;
 
     let prepared = PreparedScene::new(scene, &settings)?;
+    let at = |point| (scan.light(point), scan.camera(point));
+    let missing = prepared.missing_in_scan(scene, &settings, scan.laser_points.len(), at);
+    let warning = missing.as_ref().map(|(_, missing)| missing.describe());
+    let of_scene: Vec<String> = prepared.scene_warnings(scene, &settings).into_iter().chain(warning).collect();
     let device = engine::device(experiment.render.device.as_deref())?;
     MemoryPlan::new(scene, &settings, &prepared, Some(device.info()))?.check(device.info())?;
     if !scan.accounts_first_and_last {
@@ -95,7 +99,11 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let Measuring { film, measured, samples, .. } = measuring;
     let is_whole = measured == scan.laser_points.len();
     if is_whole && film.is_black() && !experiment.gate.force.unwrap_or(false) {
-        return Err(feasible::nothing_inside(&device, scene, &settings).into());
+        let mut turned = scene.clone();
+        let (laser, camera) = at(missing.map_or(0, |(point, _)| point));
+        *turned.lights.last_mut().expect("the laser is the last light") = laser;
+        turned.cameras[settings.camera()] = camera;
+        return Err(feasible::nothing_inside(&device, &turned, &settings).into());
     }
     let mut arrays = None;
     if measured > 0 {
@@ -104,7 +112,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
         let description = description.map_err(|e| mistake(format!("the scan cannot be described: {e}")))?;
         arrays = Some((film.into_arrays(&scan), description));
     }
-    let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
+    let mut warnings = [&scene.warnings[..], &resolved.warnings, &of_scene].concat();
     let dropped = renderer.stats().dropped;
     if dropped > 0 {
         warnings.push(format!("{dropped} samples were not finite and count as 0"));

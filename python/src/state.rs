@@ -149,7 +149,7 @@ impl State {
         let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
         let prepared = engine::prepare(self.ready.take(), scene, &experiment, settings, has_variance);
         let Prepared { mut ready, mut layers } = prepared.map_err(|failure| self.of_file(failure))?;
-        warnings.extend(ready.warnings.iter().cloned());
+        warnings.extend(ready.warnings.iter().chain(&ready.missing).cloned());
         notes.extend(sum_files.resume(&mut ready.renderer, &mut layers, settings)?);
         let strict = experiment.render.strict.unwrap_or(false);
         let before = sum_files.before;

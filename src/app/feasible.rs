@@ -4,7 +4,10 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::input::resolve;
-use taugate::internals::render::{PreparedScene, TravelTimeBounds, TravelTimes, black_backs, probe};
+use taugate::internals::render::{
+    MissingLight, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, missing_light, missing_light_at_any_time,
+    probe,
+};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::{Gate, METRES_PER_NS};
@@ -33,20 +36,25 @@ pub fn nothing_inside(device: &Device, scene: &Scene, settings: &Settings) -> Er
     refuse(settings, scene, found, probed.ok().as_ref())
 }
 
-/// Result of the probe. `backs`: a note, if no light arrives and black backs of surfaces may be the reason.
+/// Result of the probe. `backs`: a note, if no light arrives and black backs of surfaces may be the reason. `missing`: light that no
+/// strategy forms, inside the gate; if no light arrives, at any time.
 struct Probed {
     times: TravelTimes,
     backs: Option<String>,
+    missing: Option<MissingLight>,
 }
 
 impl Probed {
     fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Probed> {
         let times = probe(device, scene, settings, prepared)?;
-        let backs = match times.range() {
-            Some(_) => None,
-            None => black_backs(device, scene, settings, prepared)?.describe(),
+        let (backs, missing) = match times.range() {
+            Some(_) => (None, missing_light(scene, settings, prepared)),
+            None => (
+                black_backs(device, scene, settings, prepared)?.describe(),
+                missing_light_at_any_time(scene, settings, prepared),
+            ),
         };
-        Ok(Probed { times, backs })
+        Ok(Probed { times, backs, missing })
     }
 }
 
@@ -63,8 +71,11 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
             at(50.0),
             at(95.0)
         );
-    } else if times.is_some() {
+    } else if probed.is_some_and(|probed| probed.missing.is_none()) {
         message += "; a probe found no light at any time; see taugate info";
+    }
+    if let Some(missing) = probed.and_then(|probed| probed.missing.as_ref()) {
+        message += &format!("; {}", missing.describe());
     }
     if let Some(backs) = probed.and_then(|probed| probed.backs.as_ref()) {
         message += &format!("; {backs}");

@@ -16,7 +16,8 @@ use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
 use taugate::internals::input::resolve::{emitting_nodes, resolve};
 use taugate::internals::input::scenery;
 use taugate::internals::render::{
-    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, probe,
+    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
+    probe,
 };
 use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Projection, Scene, SkyImage};
 use taugate::internals::settings::units::METRES_PER_NS;
@@ -259,7 +260,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
     for emitter in &mut report.emitters {
         emitter.watts = prepared.powers().get(&emitter.node).copied();
     }
-    report.warnings.extend(prepared.warnings(scene, settings));
+    report.warnings.extend(prepared.warnings(scene, part));
     let opened = match Device::open(device) {
         Err(error) if device.is_some() || needs_render(args) => return Err(error.into()),
         opened => opened,
@@ -285,15 +286,30 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         Some(Ok(times)) => light(times, scene, settings),
         _ => None,
     };
+    let missing = match &times {
+        Some(Ok(_)) if light.is_none() => missing_light_at_any_time(scene, part, &prepared),
+        _ => None,
+    };
+    let missing = missing.map(|missing| missing.describe());
     if let Some(plot) = &args.plot {
-        plot::write(plot, times.as_ref().and_then(|times| times.as_ref().ok()))?;
+        plot::write(plot, times.as_ref().and_then(|times| times.as_ref().ok()), missing.as_deref())?;
     }
     match times {
         None => report.notes.push("all light comes from infinitely far away, so it has no travel time to gate".into()),
         Some(Err(error)) => report.notes.push(format!("travel times were not measured: {error}")),
         Some(Ok(_)) if light.is_none() => {
             let place = if args.pixel.is_some() { "this pixel" } else { "the sensor" };
-            report.notes.push(format!("no light reaches {place}"));
+            match missing {
+                None => report.notes.push(format!("no light reaches {place}")),
+                Some(missing) => {
+                    report.notes.push(format!(
+                        "travel times are unknown, because a render misses the light at {place}: see the warning"
+                    ));
+                    if !report.warnings.contains(&missing) {
+                        report.warnings.push(missing);
+                    }
+                }
+            }
         }
         Some(Ok(_)) => {}
     }

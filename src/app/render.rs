@@ -25,7 +25,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers, missing_light};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
@@ -197,6 +197,7 @@ impl Session {
         for warning in scene.warnings.iter().chain(&resolved.warnings) {
             self.say(format!("warning: {warning}"));
         }
+        let was_missing = self.ready.as_ref().is_some_and(|ready| ready.missing.is_some());
         let followed = match (self.ready.take(), &self.device) {
             (Some(ready), Some(device)) if outputs.aov == Aov::default() => {
                 preparation.timed("follow what moved", || ready.follow(device, scene.clone(), settings))?
@@ -204,12 +205,17 @@ impl Session {
             _ => None,
         };
         let (mut ready, mut layers) = match followed {
-            Some(ready) => (ready, Layers::default()),
+            Some(ready) => {
+                // Its share of the pixels may differ from frame to frame, so it is told once.
+                let missing = ready.missing.as_ref().filter(|_| !was_missing);
+                missing.into_iter().for_each(|warning| self.say(format!("warning: {warning}")));
+                (ready, Layers::default())
+            }
             None => self.prepare(scene, &experiment, settings, &outputs, &mut preparation)?,
         };
         preparation.finish();
         let device = self.device.as_ref().expect("preparing opened a device");
-        let Ready { renderer, scene, warnings: of_surfaces, .. } = &mut ready;
+        let Ready { renderer, scene, warnings: of_surfaces, missing, .. } = &mut ready;
 
         // Render.
         let before = earlier.as_ref().map_or(Before::default(), |earlier| Before::of(&earlier.sums.about));
@@ -265,7 +271,7 @@ impl Session {
 
         // Write.
         let provenance = Provenance::new(settings, seconds, printed);
-        let warnings = [&resolved.warnings[..], of_surfaces].concat();
+        let warnings = [&resolved.warnings[..], of_surfaces, missing.as_slice()].concat();
         let report = Report {
             renderer,
             settings,
@@ -333,8 +339,9 @@ impl Session {
         let (path, device_name) = (experiment.scene.as_ref(), experiment.render.device.as_deref());
         let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
         let prepared = prepared.map_err(|error| with_scene_path(error, path.expect("the experiment names a scene")))?;
-        let warnings = preparation.timed("check lamps", || prepared.warnings(&scene, settings));
-        warnings.iter().for_each(|warning| self.say(format!("warning: {warning}")));
+        let warnings = preparation.timed("check lamps", || prepared.scene_warnings(&scene, settings));
+        let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
+        warnings.iter().chain(&missing).for_each(|warning| self.say(format!("warning: {warning}")));
         if !self.may_be_dark(experiment, settings) {
             preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device_name))?;
         }
@@ -362,7 +369,7 @@ impl Session {
         }
         // The next frame of a sequence may reuse the prepared scene.
         let prepared = self.is_sequence.then_some(prepared);
-        Ok((Ready { renderer, scene, settings: settings.clone(), prepared, warnings }, layers))
+        Ok((Ready { renderer, scene, settings: settings.clone(), prepared, warnings, missing }, layers))
     }
 }
 

@@ -66,6 +66,26 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     all
 }
 
+/// The pairs of instances, the lower number first, that have triangles in one plane which overlap. Only the triangles that `counts` selects
+/// are compared. Pairs may be missing if that takes more than [`MAX_COMPARED`] comparisons.
+pub fn instances_in_one_plane(geometry: &Geometry, counts: impl Fn(&Triangle) -> bool + Sync) -> BTreeSet<(u32, u32)> {
+    let all: Vec<&Triangle> = geometry.triangles.par_iter().filter(|t| counts(t)).collect();
+    let limit = MAX_COMPARED / all.len().max(1);
+    let pairs = all.into_par_iter().map(|t| (t, PlanarTriangle::new(t))).filter(|(_, t)| t.normal != DVec3::ZERO);
+    let found = pairs.flat_map_iter(|(t, plane)| {
+        let mut found = BTreeSet::new();
+        near(geometry, &plane, limit, |other| {
+            let pair = (t.instance.min(other.instance), t.instance.max(other.instance));
+            let is_pair = t.instance != other.instance && counts(other);
+            if is_pair && !found.contains(&pair) && overlap(&plane, &PlanarTriangle::new(other)) {
+                found.insert(pair);
+            }
+        });
+        found
+    });
+    found.collect()
+}
+
 /// `distance`: a sufficient distance between the two surfaces in metres.
 fn sentence((lamp, other, both_emit): (&str, &str, bool), distance: f64) -> String {
     match (both_emit, lamp == other) {

@@ -8,6 +8,7 @@ use super::albedo::AlbedoTable;
 use super::duplicates::{Dropped, ShadingAttributes, drop_copies};
 use super::material::{Features, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, Material, MaterialSet};
 use super::sheets;
+use super::solids::{ClosedGlass, Orientation};
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
 use crate::scene::{Image, Instance, Mesh, Scene, Wrap};
@@ -42,6 +43,9 @@ pub struct Geometry {
     first_corners: Vec<u32>,
     /// Index in `materials` of the double-sided copy of a material.
     double_sided: HashMap<u32, u32>,
+    /// The closed meshes of glass, and which of their triangles are turned around.
+    pub glass: ClosedGlass,
+    pub orientation: Orientation,
     /// `None` if nothing can move.
     fixed: Option<Fixed>,
 }
@@ -70,6 +74,8 @@ impl Geometry {
             instance_materials,
             first_corners,
             double_sided: HashMap::new(),
+            glass: if materials.features.transmission { ClosedGlass::new(scene) } else { ClosedGlass::default() },
+            orientation: Orientation::default(),
             fixed: None,
         };
         geometry.place(scene, space);
@@ -80,12 +86,16 @@ impl Geometry {
     /// that never move is built in the first call and kept.
     pub fn place(&mut self, scene: &Scene, space: &RenderSpace) {
         self.instances = scene.instances.iter().map(|instance| normal_columns(instance.transform.matrix3)).collect();
+        let orientation = Orientation::new(scene, &self.glass);
+        let is_fixed = |instance: u32| !scene.is_moving(&scene.instances[instance as usize]);
+        let is_kept = orientation.is_same_for(&self.orientation, is_fixed);
+        self.orientation = orientation;
         let fixed = match self.fixed.take() {
-            Some(fixed) => {
+            Some(fixed) if is_kept => {
                 self.triangles.truncate(fixed.triangles);
                 fixed
             }
-            None => {
+            _ => {
                 let part = Part::new(self, scene, space, |instance| !scene.is_moving(instance));
                 self.triangles = part.triangles;
                 Fixed { bvh: part.bvh, triangles: self.triangles.len(), copies: part.copies }
@@ -148,7 +158,8 @@ impl Part {
             for (i, t) in mesh.triangles.iter().enumerate() {
                 let [v0, v1, v2] = t.map(|c| positions[c as usize]);
                 let corner = if base == NONE { NONE } else { base + 3 * i as u32 };
-                triangles.push(Triangle { v0, instance: number as u32, v1, corner, v2, material });
+                let turned = if geometry.orientation.turns(number as u32, i) { TRIANGLE_MIRRORED } else { 0 };
+                triangles.push(Triangle { v0, instance: number as u32, v1, corner, v2, material: material ^ turned });
             }
         }
         let Dropped { copies, double_sided } = drop_copies(&mut triangles, |t| geometry.shading_attributes(t));

@@ -7,10 +7,11 @@ use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::media::Media;
+use super::missing_light::{MissingLight, missing_light};
 use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, far_objects, grid, memory, null_boundary, oversized, pinhole_in_fog, sheets};
+use super::{coplanar, far_objects, glass_checks, grid, memory, null_boundary, oversized, pinhole_in_fog, sheets};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -140,10 +141,36 @@ impl PreparedScene {
         Some((settings, prepared))
     }
 
-    /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are
-    /// far too large, and objects that are far too distant. They also name a lamp at the pinhole in fog, lamps in the plane of another
-    /// surface, and density grids that lose thin parts. Or they say that the search for the glass around lamps was stopped.
+    /// Warnings about a valid scene that will look wrong, one text each: [`PreparedScene::scene_warnings`] and [`missing_light`].
     pub fn warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
+        let missing = missing_light(scene, settings, self).map(|missing| missing.describe());
+        self.scene_warnings(scene, settings).into_iter().chain(missing).collect()
+    }
+
+    /// As [`missing_light`], for a scan with `count` points of the laser. Searches at some of them, and returns the one with the largest
+    /// share of pixels. `at`: the laser, which is the last light of `scene`, and the camera while the laser looks at a point.
+    pub fn missing_in_scan(
+        &self,
+        scene: &Scene,
+        settings: &Settings,
+        count: usize,
+        at: impl Fn(usize) -> (Light, Camera),
+    ) -> Option<(usize, MissingLight)> {
+        let mut turned = scene.clone();
+        let missing = (0..count).step_by(count.div_ceil(SEARCHED_POINTS).max(1)).filter_map(|point| {
+            let (laser, camera) = at(point);
+            *turned.lights.last_mut().expect("the laser is the last light") = laser;
+            turned.cameras[settings.camera()] = camera;
+            Some((point, missing_light(&turned, settings, self)?))
+        });
+        missing.max_by(|(_, a), (_, b)| a.share.total_cmp(&b.share))
+    }
+
+    /// Warnings that do not depend on the view. They are about copies of triangles, surfaces that are
+    /// far too large, and objects that are far too distant. They also name a lamp at the pinhole in fog, lamps in the plane of another
+    /// surface, and density grids that lose thin parts. Or they say that the search for the glass around lamps was stopped. Others name
+    /// solids that are turned around, are nested, touch, or have an alpha below 1.
+    pub fn scene_warnings(&self, scene: &Scene, settings: &Settings) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
             let triangles = if count == 1 { "triangle is a copy of another" } else { "triangles are copies of others" };
@@ -158,7 +185,9 @@ impl PreparedScene {
         let at_pinhole = pinhole_in_fog::warning(scene, settings, space, self.sensor, self.powers());
         let coplanar = coplanar::warnings(scene, geometry, space);
         let warnings = copies.into_iter().chain(oversized).chain(far).chain(unplaced).chain(at_pinhole).chain(coplanar);
-        warnings.chain(grid::warnings(scene)).chain(sheets::warnings(scene)).collect()
+        let is_timed = !settings.responses().are_steady() || !self.media.list.is_empty();
+        let of_glass = glass_checks::warnings(scene, geometry, &self.solids, space, is_timed);
+        warnings.chain(grid::warnings(scene)).chain(of_glass).chain(sheets::warnings(scene)).collect()
     }
 
     /// Number of triangles over all instances, without copies.
@@ -166,6 +195,9 @@ impl PreparedScene {
         self.geometry.triangles.len()
     }
 }
+
+/// Points of the laser at which light is searched that no strategy forms.
+const SEARCHED_POINTS: usize = 16;
 
 const UNPLACED: &str = "the search for the glass around lamps was stopped, because there are too many lamps and triangles of glass; some \
                         lamps count as being outside of glass; if they are inside, use fewer lamps, or glass with fewer triangles";

@@ -1,6 +1,10 @@
 //! Which piece of glass the camera or a lamp is inside of. Subpaths that start there need its index of refraction and its medium.
 //! Other subpaths learn these where they meet the surface of the glass.
 
+pub mod nested;
+mod orientation;
+mod parts;
+
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -10,6 +14,7 @@ use rayon::prelude::*;
 use super::geometry::Geometry;
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{NONE, Triangle};
+pub use orientation::{ClosedGlass, Orientation};
 
 /// The instances of glass in a scene, in render space. Null boundaries do not count, because rays find the media inside of them without
 /// help.
@@ -21,10 +26,14 @@ const TRIANGLE_STEPS: usize = 16;
 
 /// All triangles of one instance.
 struct Solid {
+    /// Index in [`crate::scene::Scene::instances`].
+    instance: u32,
     /// Index in [`Geometry::materials`].
     material: u32,
     lo: Vec3,
     hi: Vec3,
+    /// Whether rays may pass through the surface because of its alpha.
+    has_holes: bool,
     /// Counter-clockwise, seen from the front of the surface.
     triangles: Vec<[Vec3; 3]>,
 }
@@ -41,14 +50,27 @@ impl Solids {
         };
         for t in geometry.triangles.iter().filter(transmits) {
             let material = t.material & TRIANGLE_MATERIAL;
-            let empty = || Solid { material, lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY, triangles: vec![] };
-            by_instance.entry(t.instance).or_insert_with(empty).add(t);
+            let instance = t.instance;
+            let empty = || Solid {
+                instance,
+                material,
+                lo: Vec3::INFINITY,
+                hi: Vec3::NEG_INFINITY,
+                has_holes: false,
+                triangles: vec![],
+            };
+            by_instance.entry(instance).or_insert_with(empty).add(t);
         }
         Solids(by_instance.into_values().collect())
     }
 
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
+    }
+
+    /// The instances whose alpha lets rays pass through the surface.
+    pub fn with_holes(&self) -> impl Iterator<Item = u32> {
+        self.0.iter().filter(|solid| solid.has_holes).map(|solid| solid.instance)
     }
 
     /// Material of the glass around `point`, an index in [`Geometry::materials`]; NONE outside of glass. Where pieces of glass are
@@ -90,6 +112,7 @@ impl Solid {
         let [a, b, c] = [t.v0, t.v1, t.v2].map(Vec3::from);
         self.lo = self.lo.min(a).min(b).min(c);
         self.hi = self.hi.max(a).max(b).max(c);
+        self.has_holes |= t.material & TRIANGLE_ALPHA != 0;
         self.triangles.push(if t.material & TRIANGLE_MIRRORED != 0 { [a, c, b] } else { [a, b, c] });
     }
 

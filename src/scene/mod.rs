@@ -119,7 +119,7 @@ impl Scene {
 }
 
 /// The corners of a box, transformed.
-fn corners([lo, hi]: [DVec3; 2], transform: &DAffine3) -> [DVec3; 8] {
+pub(crate) fn corners([lo, hi]: [DVec3; 2], transform: &DAffine3) -> [DVec3; 8] {
     let corner = |k: u32| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
     [0, 1, 2, 3, 4, 5, 6, 7].map(|k| transform.transform_point3(corner(k)))
 }

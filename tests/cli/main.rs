@@ -8,6 +8,7 @@ mod detect;
 mod devices;
 mod frames;
 mod gates;
+mod glass;
 mod grids;
 #[cfg(unix)]
 mod guide;

@@ -37,5 +37,6 @@ mod sun;
 mod surface;
 mod thin_glass;
 mod trees;
+mod turned_glass;
 mod water;
 mod z_map;

@@ -22,12 +22,13 @@ pub fn check(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes the plot. Fails if no light arrives that has a travel time.
-pub fn write(path: &Path, times: Option<&TravelTimes>) -> Result<()> {
+/// Writes the plot. Fails if no light arrives that has a travel time. `missing`: the reason, if a render misses the light.
+pub fn write(path: &Path, times: Option<&TravelTimes>, missing: Option<&str>) -> Result<()> {
     let parts =
         times.and_then(|times| Some(times.histogram(times.percentile(END_PERCENT)?, PARTS))).unwrap_or_default();
     if parts.is_empty() {
-        return Err(Error::Settings("there is nothing to plot: no light with a travel time reaches the sensor".into()));
+        let reason = missing.unwrap_or("no light with a travel time reaches the sensor");
+        return Err(Error::Settings(format!("there is nothing to plot: {reason}")));
     }
     let bar = |(gate, light): ([f64; 2], f64)| Bar { gate, light: 100.0 * light, deviation: 0.0 };
     let bars: Vec<Bar> = parts.into_iter().map(bar).collect();

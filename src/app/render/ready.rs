@@ -2,7 +2,7 @@
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
-use taugate::internals::render::{PreparedScene, Renderer};
+use taugate::internals::render::{PreparedScene, Renderer, missing_light};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 
@@ -15,6 +15,8 @@ pub struct Ready {
     pub prepared: Option<PreparedScene>,
     /// Warnings about the surfaces of the scene.
     pub warnings: Vec<String>,
+    /// A warning about light that no strategy forms in this view.
+    pub missing: Option<String>,
 }
 
 impl Ready {
@@ -25,7 +27,7 @@ impl Ready {
     /// Ready for another frame, in which only cameras, lights, positions of surfaces, responses or the seed differ. The image has the
     /// same bits as with a new renderer. `None` if the frame needs new preparations or another device.
     pub fn follow(self, device: &Device, scene: Scene, settings: &Settings) -> Result<Option<Ready>> {
-        let Ready { mut renderer, scene: before, settings: old, prepared, warnings } = self;
+        let Ready { mut renderer, scene: before, settings: old, prepared, warnings, .. } = self;
         let Some(mut prepared) = prepared else { return Ok(None) };
         let (seed, responses) = (settings.seed(), settings.responses());
         let is_same_render = old.change().seed(seed).responses(responses.clone()).build()? == *settings
@@ -53,6 +55,7 @@ impl Ready {
                 renderer.estimate_response_variance();
             }
         }
-        Ok(Some(Ready { renderer, scene, settings: settings.clone(), prepared: Some(prepared), warnings }))
+        let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
+        Ok(Some(Ready { renderer, scene, settings: settings.clone(), prepared: Some(prepared), warnings, missing }))
     }
 }

@@ -66,6 +66,13 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     // Prepare the device.
     let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, &settings));
     let mut prepared = prepared.map_err(|error| with_scene_path(error, &scene_path))?;
+    let at = |point| (scan.light(point), scan.camera(point));
+    let missing = || prepared.missing_in_scan(&scene, &settings, scan.laser_points.len(), at);
+    let missing = preparation.timed("check lamps", missing);
+    let warning = missing.as_ref().map(|(_, missing)| missing.describe());
+    for warning in prepared.scene_warnings(&scene, &settings).into_iter().chain(warning) {
+        session.say(format!("warning: {warning}"));
+    }
     let device = preparation.timed("open device", || Device::open(experiment.render.device.as_deref()))?;
     MemoryPlan::new(&scene, &settings, &prepared, Some(device.info()))?.check(device.info())?;
     if !scan.accounts_first_and_last {
@@ -115,6 +122,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         return Ok(Outcome::Interrupted.code());
     }
     if measured == count && film.is_black() && !experiment.gate.force.unwrap_or(false) {
+        let point = missing.map_or(0, |(point, _)| point);
+        (scene.lights[laser], scene.cameras[settings.camera()]) = (scan.light(point), scan.camera(point));
         return Err(feasible::nothing_inside(&device, &scene, &settings).into());
     }
 

@@ -283,15 +283,16 @@ impl Engine {
 
     /// Prepares the scene for the present settings. `previews`: how many previews are done.
     fn prepare(&mut self, previews: usize) -> Result<Next> {
+        let before = self.work.renderers.as_ref().map_or(vec![], |renderers| renderers.warnings.clone());
         // Free the old scene first, so that the device never holds two copies.
         self.work.renderers = None;
         self.reopen_lost_device()?;
         let renderers = Renderers::new(&self.device, self.stage.scene(), &self.stage.view().settings)?;
         let work = &mut self.work;
         (work.moved, work.previews) = (None, previews.min(renderers.previews.len()));
-        let has_warnings = !renderers.warnings.is_empty();
+        let has_other_warnings = renderers.warnings != before;
         work.renderers = Some(renderers);
-        if has_warnings {
+        if has_other_warnings {
             self.publish_state(false, true);
         }
         // Render the first preview before the next command. Otherwise a camera that moves all the time would never be shown.

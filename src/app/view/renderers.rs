@@ -2,7 +2,7 @@
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer};
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, missing_light_at_any_time};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::{Responses, Settings};
 
@@ -32,7 +32,7 @@ impl Renderers {
         let mut full = Renderer::from_prepared(device, scene, settings, &prepared)?;
         estimate_variance(&mut full, settings);
         let previews = previews(&full, scene, settings, &prepared)?;
-        let warnings = prepared.warnings(scene, settings);
+        let warnings = warnings(&prepared, scene, settings);
         Ok(Renderers { prepared, full, previews, warnings })
     }
 
@@ -43,6 +43,7 @@ impl Renderers {
         // Only now, because the old images are free here.
         estimate_variance(&mut self.full, settings);
         self.previews = previews(&self.full, scene, settings, &self.prepared)?;
+        self.warnings = warnings(&self.prepared, scene, settings);
         Ok(())
     }
 
@@ -78,6 +79,12 @@ impl Renderers {
         }
         Ok(!self.previews.is_empty())
     }
+}
+
+/// Warnings about the scene, and about light that is missing at any time: the user may change the gate next.
+fn warnings(prepared: &PreparedScene, scene: &Scene, settings: &Settings) -> Vec<String> {
+    let missing = missing_light_at_any_time(scene, settings, prepared).map(|missing| missing.describe());
+    prepared.scene_warnings(scene, settings).into_iter().chain(missing).collect()
 }
 
 /// Also estimates the variance of the images of several gates if there is enough memory, as `taugate render` does for image files.

@@ -1,0 +1,73 @@
+//! Warnings about glass: light that no strategy forms, and solids that face inwards. Needs a device.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde_json::Value;
+use taugate::internals::generate::glb;
+use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
+use taugate::internals::generate::stage::{add, camera, diffuse, glass, material};
+use taugate::internals::scene::{LightKind, Mesh, Scene};
+
+use crate::{fails, folder, taugate};
+
+/// A wall 4 m before the camera and its lamp, behind a pane of glass. The left end of the pane is at `left`.
+fn write_window(folder: &Path, left: f64, turn: impl Fn(Mesh) -> Mesh) {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
+    add(&mut scene, "wall", grey, quad(DVec3::new(-9.0, -9.0, -4.0), 18.0 * DVec3::X, 18.0 * DVec3::Y, [1.0; 2]));
+    let clear = material(&mut scene, glass("clear"));
+    let pane = cuboid(DVec3::new(left, -3.0, -1.01), DVec3::new(3.0, 3.0, -0.99));
+    add(&mut scene, "window", clear, turn(pane));
+    scene.add_light("headlamp", DVec3::ZERO, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
+    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.1, [16, 16]);
+    std::fs::write(folder.join("scene.glb"), glb::write(&scene)).unwrap();
+}
+
+fn info(folder: &Path, more: &[&str]) -> (String, String) {
+    let output = taugate(folder, &[&["info", "scene.glb", "--json"], more].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+    (json["warnings"].to_string(), json["notes"].to_string())
+}
+
+#[test]
+fn light_behind_a_window_is_said_to_be_missing() {
+    let here = folder();
+    write_window(here.path(), -3.0, |pane| pane);
+    let render = ["render", "scene.glb", "-o", "out.exr", "--spp", "2", "--light-paths", "500"];
+    let reason =
+        "100 % of the pixels miss light of 'headlamp' (about 100 % of the direct light there), which has no surface";
+    let output = taugate(here.path(), &render);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && message.contains(reason) && message.contains("'window'"), "{message}");
+    // A gate is refused with the reason.
+    let gated = [&render[..], &["--gate", "7m..9m"]].concat();
+    let message = taugate(here.path(), &gated);
+    let (code, message) = (message.status.code(), String::from_utf8(message.stderr).unwrap());
+    assert!(code == Some(2) && !message.contains("found no light"), "{message}");
+    assert!(message.contains("meets no light") && message.matches(reason).count() == 2, "{message}");
+    let (warnings, notes) = info(here.path(), &[]);
+    assert!(warnings.contains(reason) && !notes.contains("no light"), "{warnings} {notes}");
+    fails(here.path(), &["info", "scene.glb", "--plot", "plot.svg"], 2, reason);
+}
+
+#[test]
+fn a_pixel_beside_the_window_is_told_from_one_behind_it() {
+    let here = folder();
+    write_window(here.path(), 0.0, |pane| pane);
+    let (warnings, _) = info(here.path(), &[]);
+    assert!(warnings.contains("50 % of the pixels miss light"), "{warnings}");
+    let (warnings, _) = info(here.path(), &["--pixel", "1,8"]);
+    assert_eq!(warnings, "[]");
+    let (warnings, notes) = info(here.path(), &["--pixel", "14,8"]);
+    assert!(warnings.contains("100 % of the pixels") && !notes.contains("no light"), "{warnings} {notes}");
+}
+
+#[test]
+fn glass_that_faces_inwards_is_named() {
+    let here = folder();
+    write_window(here.path(), -3.0, inside_out);
+    let (warnings, _) = info(here.path(), &[]);
+    assert!(warnings.contains("the triangles of the glass 'window' face inwards"), "{warnings}");
+}
