@@ -4,6 +4,7 @@ use ::gltf::json::Extras;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
+use serde_json::value::RawValue;
 
 use super::document::{Document, Warnings, label, printable};
 use super::{Checked, volume};
@@ -77,6 +78,13 @@ pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut 
         }
     }
     Ok(())
+}
+
+/// The medium that `json`, an object in the form of `extras.medium`, describes. `of` names its owner in messages. Fails with one
+/// sentence if the object is not a medium.
+pub fn from_json(json: &str, of: &str) -> Checked<Medium> {
+    let extras = RawValue::from_string(format!("{{\"medium\": {json}}}")).map_err(|e| e.to_string())?;
+    read(&Some(extras), of)?.ok_or_else(|| format!("the medium of {of} is not an object"))
 }
 
 /// The medium in `extras`. `None` if they have no object `medium`: other programs use extras too. `of` names the owner of the extras
