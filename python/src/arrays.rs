@@ -7,8 +7,12 @@ use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use serde::Deserialize;
+use serde_json::value::RawValue;
 use taugate::internals::input::light_table::LightTable;
-use taugate::internals::scene::{self, AlphaMode, Image, Instance, Material, Scene, Texture, Wrap};
+use taugate::internals::scene::gltf::medium_from_json;
+use taugate::internals::scene::{
+    self, AlphaMode, DensityGrid, GridFilter, Image, Instance, Material, Medium, Scene, Texture, Wrap,
+};
 
 use crate::errors::{Result, settings};
 
@@ -53,6 +57,10 @@ struct MaterialSpec {
     clearcoat_roughness: f32,
     emission: [f32; 3],
     double_sided: bool,
+    thin: Option<bool>,
+    thickness: f32,
+    /// In the form of `extras.medium` of a glTF material.
+    interior: Option<Box<RawValue>>,
     /// Whether rays pass where alpha is below 1.
     blend: bool,
     texture: Option<u32>,
@@ -85,9 +93,14 @@ impl TextureSpec {
 }
 
 impl MaterialSpec {
-    fn material(self) -> Material {
+    fn material(self) -> Result<Material> {
         let [r, g, b] = self.color;
-        Material {
+        let read = |json: Box<RawValue>| medium_from_json(json.get(), &format!("material '{}'", self.name));
+        let interior = self.interior.map(read).transpose().map_err(settings)?;
+        Ok(Material {
+            interior,
+            thin: self.thin,
+            thickness: self.thickness,
             base_color: [r, g, b, self.alpha],
             base_color_texture: self.texture,
             metallic: self.metallic,
@@ -103,16 +116,53 @@ impl MaterialSpec {
             alpha_mode: if self.blend { AlphaMode::Blend } else { AlphaMode::Opaque },
             double_sided: self.double_sided,
             ..Material::diffuse(&self.name, self.color)
-        }
+        })
     }
 }
 
-/// The scene of materials, textures, their images (row 0 at the top) and meshes, without instances.
+/// A medium outside of meshes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct MediumSpec<'py> {
+    name: String,
+    /// JSON in the form of `extras.medium` of a glTF scene.
+    medium: String,
+    /// Densities with the axes z, y, x.
+    density: Option<PyReadonlyArray3<'py, f32>>,
+    /// The matrix from the space of the grid to world space, row by row.
+    transform: [[f64; 4]; 4],
+    linear: bool,
+}
+
+impl MediumSpec<'_> {
+    fn medium(self) -> Result<Medium> {
+        let of = format!("the medium '{}'", self.name);
+        let mut medium = medium_from_json(&self.medium, &of).map_err(settings)?;
+        if let Some(density) = self.density {
+            let Some(bounds) = medium.bounds.take() else {
+                return Err(settings(format!("{of} has a density, but no bounds; give it the box of the density")));
+            };
+            let [nz, ny, nx] = [0, 1, 2].map(|axis| density.shape()[axis] as u32);
+            medium.grid = Some(DensityGrid {
+                resolution: [nx, ny, nz],
+                density: density.as_array().iter().copied().collect(),
+                bounds,
+                transform: transform(self.transform),
+                filter: if self.linear { GridFilter::Linear } else { GridFilter::Nearest },
+            });
+        }
+        medium.check(&of).map_err(settings)?;
+        Ok(medium)
+    }
+}
+
+/// The scene of materials, textures, their images (row 0 at the top), meshes and media, without instances.
 pub fn scene(
     materials: &str,
     textures: &str,
     images: Vec<PyReadonlyArray3<'_, u8>>,
     meshes: Vec<Mesh>,
+    media: Vec<MediumSpec>,
 ) -> Result<Scene> {
     let materials: Vec<MaterialSpec> = parsed("the materials", materials)?;
     let textures: Vec<TextureSpec> = parsed("the textures", textures)?;
@@ -123,7 +173,8 @@ pub fn scene(
         scene.images.push(Image { width, height, rgba });
     }
     scene.textures = textures.into_iter().map(TextureSpec::texture).collect();
-    scene.materials = materials.into_iter().map(MaterialSpec::material).collect();
+    scene.materials = materials.into_iter().map(MaterialSpec::material).collect::<Result<_>>()?;
+    scene.media = media.into_iter().map(MediumSpec::medium).collect::<Result<_>>()?;
     for mesh in meshes {
         let name = &mesh.name;
         let optional = |array: &Option<PyReadonlyArray2<f32>>| array.as_ref().map(|array| array.as_array().to_owned());
@@ -166,7 +217,8 @@ pub fn transform(rows: [[f64; 4]; 4]) -> DAffine3 {
     DAffine3::from_mat4(DMat4::from_cols_array_2d(&rows).transpose())
 }
 
-fn parsed<T: for<'de> Deserialize<'de>>(what: &str, json: &str) -> Result<T> {
+/// Reads JSON. `what` begins the message if it cannot be read.
+pub fn parsed<T: for<'de> Deserialize<'de>>(what: &str, json: &str) -> Result<T> {
     serde_json::from_str(json).map_err(|error| settings(format!("{what} cannot be read: {error}")))
 }
 

@@ -16,7 +16,7 @@ use taugate::internals::render::{Renderer, object_ids};
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::Settings;
 
-use crate::arrays::{Mesh, Objects, transform};
+use crate::arrays::{MediumSpec, Mesh, Objects, parsed, transform};
 use crate::camera::View;
 use crate::engine::{self, Prepared, lock};
 use crate::errors::{Failure, Result, settings, shown};
@@ -42,17 +42,21 @@ impl NativeScene {
         Ok(NativeScene::new(state))
     }
 
-    /// A scene of meshes and materials without any instance, light or camera. `materials` and `textures` are JSON.
+    /// A scene of meshes, materials and media without any instance, light or camera. `materials` and `textures` are JSON, and so is
+    /// `scan`, a table `[scan]`.
     #[staticmethod]
     fn from_arrays(
         materials: &str,
         textures: &str,
         images: Vec<PyReadonlyArray3<'_, u8>>,
         meshes: Vec<Mesh>,
+        media: Vec<MediumSpec<'_>>,
+        scan: Option<&str>,
         flags: Vec<Words>,
     ) -> PyResult<NativeScene> {
-        let scene = crate::arrays::scene(materials, textures, images, meshes)?;
-        let base = flags::experiment(&flags)?;
+        let scene = crate::arrays::scene(materials, textures, images, meshes, media)?;
+        let mut base = flags::experiment(&flags)?;
+        base.scan = scan.map(|json| parsed("the scan", json)).transpose()?;
         let state = State { base, scene, input: None, moves: vec![], moved: BTreeMap::new(), ready: None };
         Ok(NativeScene::new(state))
     }

@@ -1,4 +1,4 @@
-"""Density grids from arrays: the native part reads them from temporary files."""
+"""Density grids and skies from arrays: the native part reads them from temporary files."""
 
 from __future__ import annotations
 
@@ -11,31 +11,43 @@ import weakref
 import numpy as np
 
 from ._errors import SettingsError
+from ._exr import write_exr
 
-_files: weakref.WeakValueDictionary[str, GridFile] = weakref.WeakValueDictionary()
+_files: weakref.WeakValueDictionary[str, ArrayFile] = weakref.WeakValueDictionary()
 _lock = threading.Lock()
 
 
-class GridFile:
-    """A temporary file (.npy) with the densities of an array. It is deleted with this object."""
+class ArrayFile:
+    """A temporary file with an array. It is deleted with this object."""
 
-    def __init__(self, array, key):
-        with tempfile.NamedTemporaryFile(prefix=f"taugate-grid-{key[:8]}-", suffix=".npy", delete=False) as file:
+    def __init__(self, array, write, prefix, suffix):
+        with tempfile.NamedTemporaryFile(prefix=prefix, suffix=suffix, delete=False) as file:
             self.path = file.name
             self._finalizer = weakref.finalize(self, _remove, self.path)
-            np.save(file, array)
+            write(file, array)
 
 
 def grid_file(array):
-    """The :class:`GridFile` of an array (Z, Y, X) of densities. Equal arrays share a file, so renders need not prepare the grid again."""
+    """The :class:`ArrayFile` (.npy) of an array (Z, Y, X) of densities. Equal arrays share a file, so renders need not prepare the grid
+    again."""
     if array.ndim != 3 or array.dtype.kind not in "fiub":
         raise SettingsError(f"density_grid is an array of {array.dtype} with the shape {array.shape}, but must be numbers (Z, Y, X)")
-    array = np.ascontiguousarray(array, dtype="<f4")
-    key = hashlib.sha256(str(array.shape).encode() + array.tobytes()).hexdigest()
+    return _file("grid", np.ascontiguousarray(array, dtype="<f4"), np.save, ".npy")
+
+
+def sky_file(array):
+    """The :class:`ArrayFile` (.exr) of the image (H, W, 3) of a sky."""
+    if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiub" or 0 in array.shape:
+        raise SettingsError(f"sky is an array of {array.dtype} with the shape {array.shape}, but must be a radiance, or numbers (H, W, 3)")
+    return _file("sky", np.ascontiguousarray(array, dtype="<f4"), write_exr, ".exr")
+
+
+def _file(kind, array, write, suffix):
+    key = kind + hashlib.sha256(str(array.shape).encode() + array.tobytes()).hexdigest()
     with _lock:
         file = _files.get(key)
         if file is None:
-            file = _files[key] = GridFile(array, key)
+            file = _files[key] = ArrayFile(array, write, f"taugate-{kind}-{key[len(kind):][:8]}-", suffix)
         return file
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._errors import explain_changes
+from ._errors import SettingsError, explain_changes
 from ._texture import Texture
 
+# Keys of a medium inside of a mesh.
+MEDIUM = ("sigma_s", "sigma_a", "phase")
 TEXTURES = ("texture", "roughness_texture", "metallic_texture")
 
 
@@ -24,6 +27,13 @@ class Material:
     ``metallic_texture`` the metalness (which is 0 unless you set it). Each is a :class:`Texture`, or its texels (H, W), (H, W, 1) or, for
     colours, (H, W, 3) or (H, W, 4). Meshes of such a material need ``uvs``. The textures of roughness and metalness become one image: they
     need the same shape, wrap modes, filter and transform.
+
+    ``thin``: whether surfaces that transmit light are thin glass: light passes straight on, and they bound no solid. ``None``: meshes that are
+    open are thin, and closed ones are solid. ``thickness`` is the thickness of thin glass in metres; it delays light.
+
+    ``interior`` is a medium inside of closed meshes that transmit light: a dictionary with ``sigma_s``, ``sigma_a`` (per metre, one number or
+    three) and ``phase``, see :meth:`Scene.add_medium`. With a ``transmission`` of 1, a white colour and the ``ior`` of its surroundings, the mesh
+    only bounds the medium.
 
     The fields do not change; ``dataclasses.replace(material, color=...)`` makes another material.
     """
@@ -40,6 +50,9 @@ class Material:
     clearcoat_roughness: float = 0.0
     emission: ArrayLike = (0.0, 0.0, 0.0)
     double_sided: bool = True
+    thin: Optional[bool] = None
+    thickness: float = 0.0
+    interior: Optional[Mapping[str, Any]] = None
     texture: Optional[Union[ArrayLike, Texture]] = None
     roughness_texture: Optional[Union[ArrayLike, Texture]] = None
     metallic_texture: Optional[Union[ArrayLike, Texture]] = None
@@ -60,9 +73,11 @@ class Material:
         return cls(color=_rgb(color), roughness=roughness, metallic=1.0, **more)
 
     @classmethod
-    def glass(cls, ior: float = 1.5, roughness: float = 0.0, **more: Any) -> Material:
-        """A clear dielectric. Its meshes must be closed."""
-        return cls(ior=ior, roughness=roughness, transmission=1.0, **more)
+    def glass(
+        cls, ior: float = 1.5, roughness: float = 0.0, *, thin: Optional[bool] = None, thickness: float = 0.0, **more: Any
+    ) -> Material:
+        """A clear dielectric. Closed meshes are solid glass, and open ones panes, unless ``thin`` says otherwise."""
+        return cls(ior=ior, roughness=roughness, transmission=1.0, thin=thin, thickness=thickness, **more)
 
     @classmethod
     def emitter(cls, radiance: ArrayLike, **more: Any) -> Material:
@@ -78,7 +93,26 @@ class Material:
         for key in ("color", "specular_color", "emission"):
             plain[key] = _rgb(plain[key])
         plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in plain.items()}
+        if plain["interior"] is not None:
+            plain["interior"] = medium_form(plain["interior"], f"the interior of '{name}'")
         return {**plain, **textures, "name": name}
+
+
+def medium_form(medium, what):
+    """A medium in the form of ``extras.medium`` of glTF files, as plain numbers, lists and text."""
+    unknown = [key for key in medium if key not in MEDIUM]
+    if unknown:
+        raise SettingsError(f"{what} has no {unknown[0]}; choose from {', '.join(MEDIUM)}")
+    return plain_numbers(medium)
+
+
+def plain_numbers(value):
+    """The value with lists and numbers of Python instead of arrays of NumPy."""
+    if isinstance(value, Mapping):
+        return {key: plain_numbers(one) for key, one in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return [plain_numbers(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
 def _rgb(color):

@@ -18,14 +18,6 @@ SIDE, SCALAR_SIDE = 1024, 128
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
-class Notes(list):
-    """Sentences, each one once."""
-
-    def add(self, text):
-        if text not in self:
-            self.append(text)
-
-
 def children(mi, item):
     """The objects that an object consists of, by name. ``mi.traverse`` would list an object only once if two parameters share it."""
 

@@ -29,7 +29,13 @@ class NativeScene:
     def load(path: str, flags: Words, moves: list[str]) -> NativeScene: ...
     @staticmethod
     def from_arrays(
-        materials: str, textures: str, images: list[np.ndarray], meshes: list[dict[str, Any]], flags: Words
+        materials: str,
+        textures: str,
+        images: list[np.ndarray],
+        meshes: list[dict[str, Any]],
+        media: list[dict[str, Any]],
+        scan: Optional[str],
+        flags: Words,
     ) -> NativeScene: ...
     def place(self, objects: dict[str, Any]) -> None: ...
     def set_transform(self, name: str, matrix: list[list[float]]) -> None: ...

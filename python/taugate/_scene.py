@@ -16,17 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _native
+from ._arrays import array_of, matrix_of, near_origin, translation
 from ._camera import Camera
 from ._errors import SettingsError
-from ._material import TEXTURES, Material
-from ._texture import Texture, color_bytes, surface_bytes
+from ._material import TEXTURES, Material, plain_numbers
+from ._texture import FILTERS, Texture, color_bytes, surface_bytes
 from ._words import words
 
 # Settings that choose or place another camera than the first one of the scene.
 PLACING = ("camera", "look_from", "look_at")
 LIGHTS = ("point", "spot", "beam")
-# Largest error of a vertex from rounding to 32 bits, relative to the size of the mesh. Above it, vertices are stored relative to its centre.
-MAX_ROUNDING = 1e-5
 
 
 class Scene:
@@ -53,6 +52,8 @@ class Scene:
         self._meshes: dict[str, dict[str, Any]] = {}
         self._instances: dict[str, tuple[str, np.ndarray, bool]] = {}
         self._lights: dict[str, dict[str, Any]] = {}
+        self._media: dict[str, dict[str, Any]] = {}
+        self._scan: Optional[dict[str, Any]] = None
         self._moved: dict[str, np.ndarray] = {}
 
     @property
@@ -64,6 +65,18 @@ class Scene:
     def settings(self, settings: Mapping[str, Any]) -> None:
         words(settings, "Scene")
         self._settings = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in settings.items()}
+        self._changed()
+
+    @property
+    def scan(self) -> Optional[dict[str, Any]]:
+        """The table ``[scan]`` of an experiment as a dictionary, with underscores for dashes; ``None`` if the scene is no scan. With a table,
+        :func:`taugate.scan` measures the scene."""
+        return copy.deepcopy(self._scan)
+
+    @scan.setter
+    def scan(self, table: Optional[Mapping[str, Any]]) -> None:
+        self._refuse_if_from_file("a scan by the table [scan] of an experiment")
+        self._scan = None if table is None else plain_numbers(table)
         self._changed()
 
     # Objects.
@@ -96,15 +109,15 @@ class Scene:
         self._refuse_if_from_file()
         if isinstance(material, str) and material not in self._materials:
             raise SettingsError(f"the scene has no material '{material}'; add it with add_material")
-        vertices, centre = _near_origin(vertices)
+        vertices, centre = near_origin(vertices)
         self._meshes[name] = {
             "name": name,
             "vertices": vertices,
             # The vertices are relative to this point. The transforms of instances add it again.
             "centre": centre,
-            "triangles": _array(triangles, np.uint32, 2, "triangles"),
-            "normals": None if normals is None else _array(normals, np.float32, 2, "normals"),
-            "uvs": None if uvs is None else _array(uvs, np.float32, 2, "uvs"),
+            "triangles": array_of(triangles, np.uint32, 2, "triangles"),
+            "normals": None if normals is None else array_of(normals, np.float32, 2, "normals"),
+            "uvs": None if uvs is None else array_of(uvs, np.float32, 2, "uvs"),
             # The name of a material, or the mesh's own material.
             "material": self._own(material) if material else Material.diffuse(),
         }
@@ -116,7 +129,7 @@ class Scene:
         self._refuse_if_from_file()
         if mesh not in self._meshes:
             raise SettingsError(f"the scene has no mesh '{mesh}'; add it with add_mesh")
-        self._instances[name] = (mesh, _matrix(transform), bool(moves))
+        self._instances[name] = (mesh, matrix_of(transform), bool(moves))
         self._stale = True
 
     def add_light(self, kind: str, name: str, position: ArrayLike, **more: Any) -> None:
@@ -128,16 +141,51 @@ class Scene:
         self._lights[name] = {"type": kind, "name": name, "position": position, **more}
         self._stale = True
 
+    def add_medium(
+        self,
+        name: str,
+        *,
+        sigma_s: ArrayLike = 0.0,
+        sigma_a: ArrayLike = 0.0,
+        phase: Optional[Mapping[str, Any]] = None,
+        bounds: Optional[ArrayLike] = None,
+        density: Optional[ArrayLike] = None,
+        transform: Optional[ArrayLike] = None,
+        filter: str = "linear",
+    ) -> None:
+        """Adds or replaces a medium: fog or smoke. Where media overlap, the last one counts. Settings of a medium, such as ``sigma_s`` or
+        ``mor``, replace all of them; ``no_medium=True`` leaves them out.
+
+        ``sigma_s`` and ``sigma_a`` are per metre, one number or three. ``phase`` is isotropic by default, or as in ``extras.medium`` of glTF files,
+        such as ``{"type": "hg", "g": 0.8}``. ``bounds`` are two corners of a box in metres; ``None``: everywhere. ``density`` (Z, Y, X) multiplies the
+        coefficients in the box of ``bounds``, which ``transform`` (4 x 4) places in the world. ``filter``: ``"linear"`` or ``"nearest"``.
+        """
+        self._refuse_if_from_file("media with settings such as sigma_s=... and density_grid=...")
+        if filter not in FILTERS:
+            raise SettingsError(f"the filter of the medium '{name}' is {filter!r}; choose linear or nearest")
+        if density is None and transform is not None:
+            raise SettingsError(f"the medium '{name}' has a transform, but no density; give it its bounds in the world")
+        medium = {"sigma_s": sigma_s, "sigma_a": sigma_a, "phase": phase, "bounds": bounds}
+        self._media[name] = {
+            "name": name,
+            "medium": plain_numbers({key: value for key, value in medium.items() if value is not None}),
+            "density": None if density is None else array_of(density, np.float32, 3, "density"),
+            "transform": matrix_of(transform).tolist(),
+            "linear": filter == "linear",
+        }
+        self._changed()
+
     def add_camera(self, name: str, camera: Camera) -> None:
         """Adds or replaces a :class:`Camera`. Renders use the first one, unless they have ``camera="name"``, ``look_from`` or ``look_at``.
         Other settings, such as ``fov``, change it for one render."""
         self.cameras[name] = camera
 
     def remove(self, name: str) -> None:
-        """Removes the mesh, instance, light or camera of this name. A mesh takes its instances with it."""
-        found = [objects for objects in (self._meshes, self._instances, self._lights, self.cameras) if name in objects]
+        """Removes the mesh, instance, light, medium or camera of this name. A mesh takes its instances with it."""
+        kinds = (self._meshes, self._instances, self._lights, self._media, self.cameras)
+        found = [objects for objects in kinds if name in objects]
         if not found:
-            raise SettingsError(f"the scene has no mesh, instance, light or camera '{name}'; check the name")
+            raise SettingsError(f"the scene has no mesh, instance, light, medium or camera '{name}'; check the name")
         for objects in found:
             del objects[name]
         self._instances = {key: one for key, one in self._instances.items() if one[0] in self._meshes}
@@ -150,7 +198,7 @@ class Scene:
         If the instance was added with ``moves=True``, or :func:`load` named it in ``moves``, the next render repeats only a part of the
         preparation. Otherwise the next render prepares the whole scene anew. The image is the same, except for rounding.
         """
-        moved = _matrix(matrix)
+        moved = matrix_of(matrix)
         if self.path is None:
             if name not in self._instances:
                 raise SettingsError(f"the scene has no instance '{name}'; check the name")
@@ -291,7 +339,7 @@ class Scene:
             meshes = list(self._meshes)
             native.place({
                 "instances": [
-                    (name, meshes.index(mesh), (matrix @ _translation(self._meshes[mesh]["centre"])).tolist())
+                    (name, meshes.index(mesh), (matrix @ translation(self._meshes[mesh]["centre"])).tolist())
                     for name, (mesh, matrix, _) in self._instances.items()
                 ],
                 "lights": json.dumps(list(self._lights.values()), default=lambda value: np.asarray(value).tolist()),
@@ -341,7 +389,9 @@ class Scene:
                 raise SettingsError(f"the material of the mesh '{name}' has a texture, so the mesh needs uvs")
             meshes.append({**mesh, "material": index})
         self._words = self._own_words("Scene")
-        return _native.NativeScene.from_arrays(json.dumps(materials), json.dumps(textures), images, meshes, self._words)
+        media = [{**medium, "medium": json.dumps(medium["medium"])} for medium in self._media.values()]
+        scan = None if self._scan is None else json.dumps(self._scan)
+        return _native.NativeScene.from_arrays(json.dumps(materials), json.dumps(textures), images, meshes, media, scan, self._words)
 
     def __getstate__(self):
         return {key: value for key, value in self.__dict__.items() if key not in ("_lock", "_native", "_words", "_stale", "_texels")}
@@ -378,42 +428,3 @@ def load(path: str | os.PathLike[str], *, moves: Union[str, Iterable[str]] = (),
     scene.moves = (moves,) if isinstance(moves, str) else tuple(moves)
     scene._built()
     return scene
-
-
-def _array(values, kind, axes, what):
-    """A copy of the values as an array of this type and number of axes."""
-    values = np.asarray(values)
-    if values.ndim != axes:
-        raise SettingsError(f"{what} have the shape {values.shape}, but must have {axes} axes")
-    if np.issubdtype(kind, np.integer) and values.size and (values.dtype.kind not in "iu" or values.min() < 0):
-        raise SettingsError(f"{what} must be whole numbers from 0 on")
-    return np.array(values, dtype=kind, order="C")
-
-
-def _near_origin(vertices):
-    """The vertices as 32-bit numbers, and the point that they are relative to. This point is the origin, unless rounding would move a vertex
-    by more than 1e-5 of the size of the mesh, as in a small mesh with geographic coordinates."""
-    rounded = _array(vertices, np.float32, 2, "vertices")
-    vertices = np.asarray(vertices)
-    if vertices.dtype != np.float32 and vertices.shape[1] == 3 and vertices.size and np.isfinite(rounded).all():
-        low, high = vertices.min(axis=0).astype(float), vertices.max(axis=0).astype(float)
-        if np.abs(rounded - vertices).max() > MAX_ROUNDING * (high - low).max():
-            centre = (low + high) / 2
-            return _array(vertices - centre, np.float32, 2, "vertices"), centre
-    return rounded, np.zeros(3)
-
-
-def _translation(offset):
-    matrix = np.eye(4)
-    matrix[:3, 3] = offset
-    return matrix
-
-
-def _matrix(matrix):
-    """A copy of a 4 x 4 matrix; the identity if there is none."""
-    if matrix is None:
-        return np.eye(4)
-    matrix = np.array(matrix, dtype=float)
-    if matrix.shape != (4, 4) or not np.allclose(matrix[3], (0, 0, 0, 1)):
-        raise SettingsError("a transform is a 4 x 4 matrix with the last row 0, 0, 0, 1")
-    return matrix

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _native
 from ._errors import SettingsError
-from ._grid import grid_file
+from ._grid import grid_file, sky_file
 
 FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags().items()}
 # A pair of numbers in these settings is a range in metres.
@@ -40,6 +40,9 @@ def words(settings, call):
         flag, form, bare, _ = FLAGS[keyword]
         if keyword == "density_grid" and isinstance(value, np.ndarray):
             pairs.files.append(grid_file(value))
+            value = pairs.files[-1].path
+        if keyword == "sky" and isinstance(value, np.ndarray) and value.ndim > 1:
+            pairs.files.append(sky_file(value))
             value = pairs.files[-1].path
         if isinstance(value, np.ndarray):
             value = value.tolist()

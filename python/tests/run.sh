@@ -11,6 +11,8 @@ if ! python3 -m venv "$environment" || ! "$environment/bin/pip" download --quiet
     echo "Python, its module venv or PyPI are not there; the tests of the Python module and of the page of the viewer are skipped" >&2
     exit 0
 fi
+# With the profile of the program, whose crates are built already.
+export MATURIN_PEP517_ARGS="${MATURIN_PEP517_ARGS:---profile release}"
 "$environment/bin/pip" install --quiet "./python[test]" ${TAUGATE_PIP:-}
 cd python
 exec "$environment/bin/pytest" -q -rs -p no:cacheprovider "$@"

@@ -69,12 +69,12 @@ def test_a_scene_has_the_image_of_mitsuba(tmp_path, box):
 
 
 def test_what_cannot_be_expressed_is_listed(tmp_path):
-    text = SCENE.replace('<bsdf type="BOX"/>', '<bsdf type="principledthin"/>').replace("</scene>", '<emitter type="constant" id="sky"/></scene>')
+    text = SCENE.replace('<bsdf type="BOX"/>', '<bsdf type="principledthin"/>').replace("</scene>", '<emitter type="directional" id="sun"/></scene>')
     _, scene = both(tmp_path, text, 1)
     assert scene.not_converted == [
         "the sphere 'ball' is a mesh of flat triangles with smooth normals",
         "the BSDF PrincipledThin of 'box' becomes grey and diffuse",
-        "the emitter 'sky' of the type ConstantBackgroundEmitter is left out",
+        "the sun 'sun' is left out: scenes from arrays have no suns; put it into a glTF file, as KHR_lights_punctual",
     ]
 
 
@@ -413,13 +413,14 @@ def test_what_sides_spots_and_sensors_lose_is_listed():
     sides = {"type": "twosided", "front": {"type": "diffuse"}, "back": {"type": "plastic"}}
     same = {"type": "twosided", "only": {"type": "diffuse"}}
     area = {"type": "area", "radiance": {"type": "rgb", "value": 2.0}}
+    film = {"type": "hdrfilm", "rfilter": {"type": "box"}}
     scene = {
         "type": "scene",
         "leaf": {"type": "rectangle", "bsdf": sides},
         "panel": {"type": "rectangle", "bsdf": same, "emitter": area},
         "lamp": {"type": "rectangle", "emitter": area},
-        "wide": {"type": "perspective"},
-        "cut": {"type": "perspective", "near_clip": 1.0},
+        "wide": {"type": "perspective", "film": film},
+        "cut": {"type": "perspective", "near_clip": 1.0, "film": film},
     }
     assert sorted(taugate.from_mitsuba(scene).not_converted) == [
         "near_clip of the sensor 'cut' is left out",

@@ -360,3 +360,104 @@ def test_triangles_without_area_do_no_harm():
     degenerate = np.vstack([twin._meshes["board"]["triangles"], [[0, 0, 1]]])
     twin.add_mesh("board", twin._meshes["board"]["vertices"], degenerate, transform=shift(0, 0.5, -1), moves=True)
     assert agree(taugate.render(scene, spp=4), taugate.render(twin, spp=4))
+
+
+def test_media_are_those_of_the_settings():
+    smoke = np.random.default_rng(4).random((3, 4, 5))
+    low, high = (-1, 0, -1), (1, 1.5, 0.5)
+    with_settings = dict(sigma_s=0.4, sigma_a=(0.1, 0.2, 0.3), phase="hg", phase_g=0.5, medium_bounds=(*low, *high))
+    medium = dict(sigma_s=0.4, sigma_a=(0.1, 0.2, 0.3), phase={"type": "hg", "g": 0.5}, bounds=(low, high))
+    for density in (None, smoke):
+        scene = room()
+        scene.add_medium("smoke", **medium, density=density)
+        same = taugate.render(room(), spp=2, **with_settings, **({} if density is None else {"density_grid": density}))
+        assert np.array_equal(taugate.render(pickle.loads(pickle.dumps(scene)), spp=2).pixels, same.pixels)
+        assert not np.array_equal(taugate.render(scene, spp=2, no_medium=True).pixels, same.pixels)
+    # The transform of a grid.
+    scene.add_medium("smoke", **{**medium, "bounds": ((0, 0, 0), (1, 1, 1))}, density=smoke, transform=shift(0, 0.3, 0) * 1.0, filter="nearest")
+    rows = (1, 0, 0, 0, 0, 1, 0, 0.3, 0, 0, 1, 0)
+    with_settings.update(density_grid=smoke, grid_filter="nearest", grid_transform=rows, medium_bounds=(0, 0, 0, 1, 1, 1))
+    assert np.array_equal(taugate.render(scene, spp=2).pixels, taugate.render(room(), spp=2, **with_settings).pixels)
+    scene.remove("smoke")
+    assert np.array_equal(taugate.render(scene, spp=2).pixels, taugate.render(room(), spp=2).pixels)
+    # The last medium counts.
+    scene.add_medium("thick", sigma_a=5)
+    scene.add_medium("clear")
+    assert np.allclose(taugate.render(scene, spp=2).pixels.mean(), taugate.render(room(), spp=2).pixels.mean(), rtol=0.02)
+
+
+def test_a_mesh_may_bound_a_medium():
+    def cloud(sigma_a):
+        scene = room()
+        cube, faces = [], []
+        for axis in range(3):
+            for sign in (-1, 1):
+                normal, right = sign * np.eye(3)[axis], np.eye(3)[(axis + 1) % 3]
+                vertices, triangles = quad(normal, right, np.cross(normal, right))
+                faces.append(triangles + 4 * len(cube))
+                cube.append(vertices)
+        material = taugate.Material.glass(1.0, interior={"sigma_a": np.array(sigma_a)})
+        scene.add_mesh("cloud", 0.5 * np.concatenate(cube), np.concatenate(faces), material, transform=shift(0, 1, 0.5))
+        return taugate.render(scene, spp=16).pixels.mean()
+
+    box = room()
+    box.add_medium("cloud", sigma_a=2, bounds=((-0.5, 0.5, 0), (0.5, 1.5, 1)))
+    mean = taugate.render(box, spp=16).pixels.mean()
+    assert cloud([2, 2, 2]) == pytest.approx(mean, rel=0.03) and cloud([0.5, 0.5, 0.5]) > 1.1 * mean
+
+
+def test_a_sky_may_be_an_array():
+    scene = taugate.Scene(resolution=SIZE, sky=np.array([0.5, 1, 2]))
+    scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)), taugate.Material.diffuse(0.6))
+    scene.add_camera("front", taugate.Camera.look_at((0, 1.2, 4), (0, 0.8, 0), fov=40, resolution=SIZE))
+    constant = taugate.render(scene, spp=4).pixels
+    assert np.allclose(constant[0, 0], (0.5, 1, 2))
+    same = taugate.render(scene, sky=np.full((2, 4, 3), (0.5, 1, 2)), spp=4).pixels
+    assert np.allclose(same.mean(axis=(0, 1)), constant.mean(axis=(0, 1)), rtol=0.03)
+    # The camera looks along -Z, at a quarter of the width.
+    image = np.zeros((1, 4, 3))
+    image[:, :2] = 1, 2, 3
+    assert np.allclose(taugate.render(scene, sky=image, spp=4).pixels[0, 16], (1, 2, 3))
+
+
+def test_mistakes_in_media_are_explained():
+    scene = room()
+    for wrong, message in (
+        ({"sigma_s": -1}, "the medium 'x' has a sigma_s of -1; it must be from 0"),
+        ({"sigma_s": (1, 2)}, "neither one number nor three"),
+        ({"phase": {"type": "hg", "g": 3}}, "a g of 3; it must be from"),
+        ({"phase": {"type": "cloud"}}, "cannot be read"),
+        ({"density": np.ones((2, 2, 2))}, "the medium 'x' has a density, but no bounds"),
+        ({"density": np.ones((2, 2))}, "must have 3 axes"),
+        ({"transform": np.eye(4)}, "has a transform, but no density"),
+        ({"filter": "cubic"}, "choose linear or nearest"),
+    ):
+        with pytest.raises(taugate.SettingsError, match=message):
+            scene.add_medium("x", **wrong)
+            scene.info()
+        scene = room()
+    scene.add_material("glass", taugate.Material.glass(interior={"sigma_t": 1}))
+    with pytest.raises(taugate.SettingsError, match="the interior of 'glass' has no sigma_t; choose from"):
+        scene.info()
+    with pytest.raises(taugate.SettingsError, match="must be a radiance, or numbers"):
+        taugate.render(room(), sky=np.ones((2, 3)))
+    with pytest.raises(taugate.SettingsError, match="this scene was read from a file"):
+        taugate.load(SCENES / "cornell-box.glb").add_medium("x", sigma_s=1)
+
+
+def test_a_scene_from_arrays_may_be_a_scan():
+    scene = taugate.Scene(gates=(3, 7, 40))
+    scene.add_mesh("wall", *quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), taugate.Material.diffuse(0.7))
+    scene.add_mesh("board", *quad((0, 0, 2), (-0.4, 0, 0), (0, 0.4, 0)), taugate.Material.diffuse(0.7))
+    scene.scan = {"laser": np.array([1.5, 0, 1]), "points": [[0.5, 0, 0], [0, 0.5, 0]]}
+    found = taugate.scan(scene, spp=16)
+    assert found.data.shape == (40, 2) and found.data.any()
+    assert np.array_equal(taugate.scan(pickle.loads(pickle.dumps(scene)), spp=16).data, found.data)
+    with pytest.raises(taugate.SettingsError, match="measure it with taugate.scan"):
+        taugate.render(scene, spp=1)
+    scene.scan = {"laser": [1.5, 0, 1]}
+    with pytest.raises(taugate.SettingsError, match="needs points"):
+        taugate.scan(scene, spp=1)
+    scene.scan = None
+    with pytest.raises(taugate.SettingsError, match="this is no scan"):
+        taugate.scan(scene, spp=1)

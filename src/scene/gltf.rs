@@ -45,6 +45,7 @@ use super::Scene;
 use crate::error::{Error, Result};
 pub use animation::Playback;
 use document::{Document, Warnings, label};
+pub use medium::from_json as medium_from_json;
 use resolve::Folders;
 
 /// The error is one sentence that says why a file cannot be loaded; [`load`] adds the path.

@@ -147,7 +147,8 @@ impl Medium {
     }
 
     /// Fails with one sentence if a number is out of range. `name` names the medium in the message.
-    pub(crate) fn check(&self, name: &str) -> Checked {
+    #[doc(hidden)]
+    pub fn check(&self, name: &str) -> Checked {
         for (what, sigma) in [("sigma_s", self.sigma_s), ("sigma_a", self.sigma_a)] {
             sigma.iter().try_for_each(|&x| within(x, 0.0..=MAX_COEFFICIENT, &format!("{name} has a {what}")))?;
         }

@@ -4,6 +4,7 @@ use ::gltf::json::Extras;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
+use serde_json::value::RawValue;
 
 use super::document::{Document, Warnings, label, printable};
 use super::extras::{member, warn_of_foreign};
@@ -90,6 +91,14 @@ pub fn add_interiors(
         }
     }
     Ok(())
+}
+
+/// The medium that `json`, an object in the form of `extras.medium`, describes. `of` names its owner in messages. Fails with one
+/// sentence if the object is not a medium.
+pub fn from_json(json: &str, of: &str) -> Checked<Medium> {
+    let extras = RawValue::from_string(format!("{{\"medium\": {json}}}")).map_err(|e| e.to_string())?;
+    let medium = read(&Some(extras), of, &mut Warnings::default())?;
+    medium.ok_or_else(|| format!("the medium of {of} is not an object with sigma_s or sigma_a"))
 }
 
 /// The medium in `extras`. `None`, with a warning, if their `medium` has no coefficient of taugate. `of` names the owner of the extras
