@@ -291,7 +291,6 @@ def test_hair_and_curves_are_listed(tmp_path):
     ]
 
 
-@pytest.mark.xfail(strict=True, reason="scenes from arrays have no thin glass yet")
 def test_thin_glass_has_the_image_of_mitsuba():
     tint = {"type": "rgb", "value": (0.9, 0.6, 0.3)}
     scene = placed({"type": "rectangle"}, scaled(2, 2, 1), bsdf={"type": "diffuse", "reflectance": bitmap(picture())})

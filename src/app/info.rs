@@ -19,6 +19,7 @@ use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
     probe,
 };
+use taugate::internals::render::sheets::{Glass, glass};
 use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Projection, Scene, SkyImage};
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
@@ -50,6 +51,8 @@ struct Report {
     materials_in_file: usize,
     /// Used materials whose meshes contain a medium, with its mean free path and its coefficients.
     interiors: Vec<String>,
+    /// Glass, thin or solid, and why.
+    glass: Vec<Glass>,
     textures: usize,
     images: usize,
     texels: u64,
@@ -208,6 +211,7 @@ fn contents(scene: &Scene) -> Report {
         materials: materials.collect(),
         materials_in_file: scene.materials.len(),
         interiors,
+        glass: glass(scene),
         textures: scene.textures.len(),
         images: scene.images.len(),
         texels: scene.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum(),

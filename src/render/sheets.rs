@@ -53,8 +53,8 @@ pub fn glass(scene: &Scene) -> Vec<Glass> {
         let material = &scene.materials[index as usize];
         let why = match (material.thin, thin) {
             (Some(_), _) => "as extras.thin or --thin-glass says".into(),
-            (None, true) => format!("{} is not closed, so it bounds no solid", named(&meshes)),
-            (None, false) => format!("{} is closed", named(&meshes)),
+            (None, true) => format!("because {} is not closed", named(&meshes)),
+            (None, false) => format!("because {} is closed", named(&meshes)),
         };
         Glass { material: material.name.clone(), thin, why }
     });
@@ -147,6 +147,6 @@ fn named(meshes: &[&str]) -> String {
     match meshes {
         [] => String::new(),
         [mesh] => format!("mesh '{mesh}'"),
-        [mesh, others @ ..] => format!("mesh '{mesh}' (as {} more)", others.len()),
+        [mesh, others @ ..] => format!("mesh '{mesh}' (like {} more)", others.len()),
     }
 }

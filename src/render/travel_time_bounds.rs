@@ -185,7 +185,7 @@ mod tests {
     /// is not at the origin.
     fn scene(emission: f32, transmission: f32, light: Option<DVec3>) -> Scene {
         let sensor = DVec3::new(100.0, 20.0, 3.0);
-        let base = Material { emission: [emission; 3], transmission, ior: 1.5, ..material() };
+        let base = Material { emission: [emission; 3], transmission, ior: 1.5, thin: Some(false), ..material() };
         Scene {
             meshes: vec![Mesh {
                 positions: vec![[2.0, -1.0, -1.0], [2.0, 1.0, -1.0], [2.0, 0.0, 1.0]],
@@ -264,6 +264,12 @@ mod tests {
     fn only_what_light_passes_through_makes_paths_optically_longer() {
         let opaque = travel_time_bounds(&scene(1.0, 0.0, None)).max_segment;
         assert!(close(travel_time_bounds(&scene(1.0, 1.0, None)).max_segment, 1.5 * opaque));
+        // Light passes straight through thin glass; only its thickness delays light.
+        let mut thin = scene(1.0, 1.0, None);
+        thin.materials.iter_mut().for_each(|material| material.thin = Some(true));
+        assert!(close(travel_time_bounds(&thin).max_segment, opaque));
+        thin.materials.iter_mut().for_each(|material| material.thickness = 0.1);
+        assert!(travel_time_bounds(&thin).max_segment >= opaque + 0.1 * 1.25f64.sqrt());
     }
 
     #[test]

@@ -53,13 +53,15 @@ impl Mesh {
 
 #[cfg(test)]
 mod tests {
+    use glam::DAffine3;
+
     use super::*;
     use crate::generate::shapes::{append, cuboid, icosphere, inside_out};
 
     #[test]
     fn a_closed_mesh_with_a_volume_can_bound_a_solid() {
         let cube = cuboid(DVec3::ZERO, DVec3::ONE);
-        assert!(cube.is_closed() && inside_out(cube.clone()).is_closed() && icosphere(2).is_closed());
+        assert!(cube.is_closed() && inside_out(cube.clone()).is_closed() && icosphere(1.0, 2).is_closed());
         let mut open = cube.clone();
         open.triangles.pop();
         assert!(!open.is_closed() && !open.is_flat());
@@ -75,7 +77,7 @@ mod tests {
         };
         assert!(quad.is_flat() && quad.open_edges() == 4);
         let mut both = quad.clone();
-        append(&mut both, &inside_out(quad));
+        append(&mut both, &inside_out(quad), DAffine3::IDENTITY);
         assert!(both.open_edges() == 0 && !both.is_closed());
     }
 }

@@ -76,6 +76,9 @@ fn add_contents(lines: &mut Lines, r: &Report) {
     }
     lines.line("materials", format!("{} used of {}: {names}", r.materials.len(), r.materials_in_file));
     lines.list("inside", &r.interiors, String::clone);
+    lines.list("glass", &r.glass, |glass| {
+        format!("{}: {}, {}", glass.material, if glass.thin { "thin" } else { "solid" }, glass.why)
+    });
     lines.line("textures", format!("{} with {} texels in {} images", r.textures, r.texels, r.images));
     lines.list("medium", &r.media, Medium::describe);
     lines.list("warning", &r.warnings, String::clone);

@@ -4,7 +4,7 @@ use super::sources::{DECIDE, digest};
 use super::*;
 
 /// Code that does not affect an image with given settings, or whose effect the fingerprint of the settings covers.
-const ELSEWHERE: [&str; 14] = [
+const ELSEWHERE: [&str; 15] = [
     "app",
     "bench",
     "compare",
@@ -12,6 +12,7 @@ const ELSEWHERE: [&str; 14] = [
     "error.rs",
     "files",
     "files.rs",
+    "free_memory.rs",
     "generate",
     "lib.rs",
     "main.rs",

@@ -22,8 +22,8 @@ fn features(
     mesh.colors = color.map_or(vec![], |color| vec![color; mesh.positions.len()]);
     scene.add_surface(mesh, material);
     let (emitters, albedo) = (Emitters::Scene, AlbedoTable::new());
-    let mut set = MaterialSet::new(&scene, &emitters, &albedo);
-    set.number(&scene.meshes[0], "node");
+    let mut set = MaterialSet::new(&scene, &emitters, &albedo, 1.0);
+    set.number(&scene.instances[0]);
     set.features.constants().into_iter().filter(|(_, on)| *on == 1.0).map(|(name, _)| name).collect()
 }
 
@@ -46,7 +46,12 @@ fn lobes_and_transparency_switch_on_their_features() {
     assert_eq!(of(|m, _| Material { clearcoat: 0.1, ..m }), ["HAS_GLOSSY", "HAS_CLEARCOAT"]);
     let retroreflector = Some(Retroreflector { share: 0.5, angle: 1.0 });
     assert_eq!(of(|m, _| Material { retroreflector, ..m }), ["HAS_GLOSSY", "HAS_RETROREFLECTORS"]);
-    assert_eq!(of(|_, _| Material::glass("glass")), ["HAS_GLOSSY", "HAS_TRANSMISSION"]);
+    let solid = Material { thin: Some(false), ..Material::glass("glass") };
+    assert_eq!(of(|_, _| solid.clone()), ["HAS_GLOSSY", "HAS_TRANSMISSION"]);
+    // One plane bounds no solid.
+    assert_eq!(of(|_, _| Material::glass("glass")), ["HAS_GLOSSY", "HAS_TRANSMISSION", "HAS_SHEETS"]);
+    let thick = Material { thickness: 0.01, ..Material::glass("glass") };
+    assert_eq!(of(|_, _| thick.clone()), ["HAS_GLOSSY", "HAS_TRANSMISSION", "HAS_SHEETS", "HAS_DELAYS"]);
     let translucent = |m| Material { base_color: [1.0, 1.0, 1.0, 0.5], alpha_mode: AlphaMode::Blend, ..m };
     assert_eq!(of(|m, _| translucent(m)), ["HAS_ALPHA"]);
 }
@@ -70,7 +75,7 @@ fn textures_switch_on_their_features() {
         assert_eq!(of(change), [&coats[..], &["HAS_CLEARCOAT"]].concat());
     }
     let pane = |_, t| Material { transmission_texture: Some(t), ..Material::glass("pane") };
-    let expected = [&varying[..], &["HAS_TRANSMISSION", "HAS_TRANSMISSION_TEXTURES"]].concat();
+    let expected = [&varying[..], &["HAS_TRANSMISSION", "HAS_TRANSMISSION_TEXTURES", "HAS_SHEETS"]].concat();
     assert_eq!(of(pane), expected);
     let moved = DAffine2::from_translation(DVec2::X);
     let textured = |m, t| Material { base_color_texture: Some(t), ..m };
