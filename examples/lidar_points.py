@@ -1,28 +1,134 @@
-"""Points of a LiDAR scan: python3 examples/lidar_points.py SCAN.npy POINTS.ply [ECHOES] (needs numpy)
+"""Points of a LiDAR scan: python3 examples/lidar_points.py SCAN.npy POINTS.ply (needs numpy)
 
-Each beam has up to ECHOES points (default 3): the peaks of its histogram, the earliest first. The file has position and intensity of
-each point, and opens in CloudCompare, MeshLab and Blender.
+Each beam has one point per echo in its histogram, at the centre of the echo's light. Peaks are searched in the light of all gates within
+--distance. Two peaks are two echoes if the light between them falls below half of the lower one, by more than the noise, and if they lie
+--distance apart. So a slanted wall is one echo. An echo that begins before the first gate, such as light that fog scatters near the
+laser, is left out. Noise is taken from SCAN.variance.npy (taugate render --variance), if it exists, and else estimated.
+
+The file has the fields x, y, z, intensity, echo (counted from 1) and echoes (of the beam). CloudCompare, MeshLab and Blender open it.
+With SCAN.aov.npy (--aov object,depth), object_id is the number of the object, for echoes at the surface on the axis of the beam, else 0.
 """
 
+import argparse
 import json
-import sys
+import pathlib
 
 import numpy
 
-scan, points = sys.argv[1:3]
-echoes = int(sys.argv[3]) if len(sys.argv) > 3 else 3
-light = numpy.load(scan)  # gates x beams
-about = json.load(open(scan.removesuffix(".npy") + ".json"))
-laser = numpy.array(about["laser"])
-beams = numpy.array(about["laser_points"]) - laser
-beams /= numpy.linalg.norm(beams, axis=1, keepdims=True)
-distance = 0.5 * (about["start_opl"] + about["bin_width_opl"] * (numpy.arange(len(light)) + 0.5))
-found = []
-for beam, seen in zip(beams, light.T):
-    around = numpy.pad(seen, 1)
-    peaks = numpy.flatnonzero((seen > around[:-2]) & (seen >= around[2:]) & (seen > 0.01 * seen.max()))
-    found += [(*(laser + distance[k] * beam), seen[k]) for k in peaks[:echoes]]
-header = f"ply\nformat ascii 1.0\nelement vertex {len(found)}\n"
-header += "".join(f"property float {name}\n" for name in ["x", "y", "z", "intensity"]) + "end_header"
-numpy.savetxt(points, numpy.array(found).reshape(-1, 4), fmt="%.4f %.4f %.4f %.6g", header=header, comments="")
-print(f"{points}: {len(found)} points of {len(beams)} beams")
+KEEP = {
+    "all": lambda found: found,
+    "strongest": lambda found: [max(found, key=lambda echo: echo[1])],
+    "last": lambda found: [found[-1]],
+    "first-and-last": lambda found: found[:1] + found[1:][-1:],
+}
+
+
+def noise_of(light, samples, variance):
+    """Standard error of each value (gates x beams). Without variances: as if the light nearby came from all samples, equally bright."""
+    sums = numpy.concatenate([numpy.zeros((1, light.shape[1])), light.cumsum(axis=0)])
+    gates = numpy.arange(len(light))
+    nearby = sums[numpy.minimum(gates + 21, len(light))] - sums[numpy.maximum(gates - 20, 0)]
+    square = light * nearby / samples
+    return numpy.sqrt(square if variance is None else numpy.maximum(square, variance))
+
+
+def echoes(light, errors, apart, sigmas):
+    """The echoes of a beam, the earliest first: pairs of the position in gates and of the light. `apart`: minimum distance in gates."""
+    near = numpy.ones(2 * int(apart / 2) + 1)
+    seen = numpy.convolve(light, near, "same")
+    noise = numpy.sqrt(numpy.convolve(errors**2, near, "same"))
+    around = numpy.concatenate([[0], seen, [0]])
+    tops = numpy.flatnonzero((seen > around[:-2]) & (seen >= around[2:]))
+    if len(tops) == 0:
+        return []
+    valleys = [a + int(numpy.argmin(seen[a:b])) for a, b in zip(tops, tops[1:])]
+    # Join the sides of one valley after the other, the shallowest first. The lower top ends there, unless the valley is deep.
+    top_of, separate = list(tops), {int(tops[numpy.argmax(seen[tops])])}
+    side = list(range(len(tops)))
+
+    def root(number):
+        while side[number] != number:
+            number = side[number]
+        return number
+
+    for left in sorted(range(len(valleys)), key=lambda number: -seen[valleys[number]]):
+        a, b = root(left), root(left + 1)
+        low, high = (a, b) if seen[top_of[a]] < seen[top_of[b]] else (b, a)
+        top, valley = top_of[low], valleys[left]
+        depth = seen[top] - seen[valley]
+        if depth > 0.5 * seen[top] and depth > sigmas * numpy.hypot(noise[top], noise[valley]):
+            separate.add(int(top))
+        side[low] = high
+    kept = []
+    for top in sorted(separate, key=lambda top: -seen[top]):
+        if all(abs(top - other) >= apart for other in kept):
+            kept.append(top)
+    kept.sort()
+    # Each echo ends where the light between it and the next one is least.
+    ends = [0, *(a + int(numpy.argmin(seen[a:b])) for a, b in zip(kept, kept[1:])), len(seen)]
+    found = []
+    for top, begin, end in zip(kept, ends, ends[1:]):
+        if begin == 0 and seen[0] > 0.5 * seen[top]:
+            continue
+        # Light that is there before or after the echo, such as that of fog, is not its own.
+        last = min(end, len(seen) - 1)
+        ground = max(seen[begin], seen[last] if end < len(seen) else 0)
+        mean = numpy.maximum(seen[begin : last + 1] - ground, 0)
+        # The echo is where the light of nearby gates is at least half of its maximum.
+        dark = begin + numpy.flatnonzero(mean < 0.5 * mean.max())
+        first = dark[dark < top][-1] + 1 if (dark < top).any() else begin
+        past = dark[dark > top][0] if (dark > top).any() else last + 1
+        gates = numpy.arange(first, past)
+        own = numpy.maximum(light[gates] - ground / len(near), 0)
+        if own.sum() > sigmas * numpy.sqrt((errors[gates][own > 0] ** 2).sum()):
+            found.append(((own * gates).sum() / own.sum(), own.sum()))
+    return found
+
+
+def main():
+    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    words.add_argument("scan")
+    words.add_argument("points")
+    words.add_argument("--keep", choices=KEEP, default="all", help="the echoes of each beam that become points (default: all)")
+    words.add_argument("--distance", type=float, default=0.5, help="least distance in m between two echoes (default: 0.5)")
+    words.add_argument("--sigmas", type=float, default=3, help="least height of a peak in standard errors (default: 3)")
+    wanted = words.parse_args()
+    path = pathlib.Path(wanted.scan)
+    light = numpy.load(path).astype(float)  # gates x beams
+    about = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    if light.ndim != 2 or "bin_width_opl" not in about:
+        raise SystemExit(f"{path} is no scan of beams with gates of one width")
+    light = numpy.nan_to_num(light)  # beams that an interrupt left out
+    variances = path.with_suffix(".variance.npy")
+    variance = numpy.nan_to_num(numpy.load(variances).astype(float)) if variances.exists() else None
+    if variance is None:
+        print(f"note: there is no {variances}, so the noise is estimated; with fog, render with --variance")
+    noise = noise_of(light, about["samples"], variance)
+    laser = numpy.array(about["laser"], float)
+    beams = numpy.array(about["laser_points"], float) - laser
+    beams /= numpy.linalg.norm(beams, axis=1, keepdims=True)
+    start, width = 0.5 * about["start_opl"], 0.5 * about["bin_width_opl"]
+    layers = path.with_suffix(".aov.npy")
+    axis = numpy.load(layers) if {"range", "object_id"} <= set(about.get("aov", [])) else None
+    rows = []
+    for number, (beam, seen, errors) in enumerate(zip(beams, light.T, noise.T)):
+        found = echoes(seen, errors, wanted.distance / width, wanted.sigmas)
+        for echo in KEEP[wanted.keep](found) if found else []:
+            depth = start + width * (echo[0] + 0.5)
+            row = (*(laser + depth * beam), echo[1], found.index(echo) + 1, len(found))
+            if axis is not None:
+                is_axis = abs(axis["range"][number] - depth) < wanted.distance
+                row += (axis["object_id"][number] if is_axis else 0,)
+            rows.append(row)
+    header = f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n"
+    header += "".join(f"property float {name}\n" for name in ["x", "y", "z", "intensity"])
+    header += "property uchar echo\nproperty uchar echoes\n"
+    header += "" if axis is None else "property uint object_id\n"
+    form = "%.4f %.4f %.4f %.6g %d %d" + ("" if axis is None else " %d")
+    text = numpy.array(rows).reshape(-1, len(form.split()))
+    numpy.savetxt(wanted.points, text, fmt=form, header=header + "end_header", comments="")
+    print(f"{wanted.points}: {len(rows)} points of {len(beams)} beams")
+
+
+if __name__ == "__main__":
+    main()

@@ -50,9 +50,12 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
         contributions[slot] = connect_by_ellipsoid(q, v, sensor, AuxiliaryPoint(point.triangle, tau, point.weights), point.inverse_density, slot);
         return;
     }
-    let v = load_light_vertex(candidate.vertex);
+    var v = load_light_vertex(candidate.vertex);
+    if (HAS_OWN_LASERS) {
+        v.to_previous = load_aim(sensor.pixel).xyz;
+    }
     let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
-    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
+    let key = vec4<u32>(sensor.index, sensor.sample, dimension, sensor.seed);
     // The first slots serve the segment before q (slots.wgsl).
     if (DRAWS_IN_GATE && slot % frame.slots < frame.deterministic_count) {
         let start = segment_start(q, segments[q.owner]);

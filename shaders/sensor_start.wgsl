@@ -16,7 +16,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let sensor = sensor_sample(slot);
-    let u = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_PIXEL, frame.seed);
+    let u = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_PIXEL, sensor.seed);
     let ray = camera_ray(sensor.pixel, u);
     let length2 = dot(ray.direction, ray.direction);
     let direction = ray.direction * inverseSqrt(length2);
@@ -25,7 +25,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.position = ray.origin;
     s.tau = 0.0;
     // A scanning sensor shortens the travel times of each pixel by a length of its own (`aims` in camera.wgsl).
-    if (HAS_AIMS) {
+    if (HAS_AIMS && !HAS_OWN_LASERS) {
         s.tau = -SURROUNDING_GROUP_INDEX * load_aim(sensor.pixel).w;
     }
     s.direction = direction;

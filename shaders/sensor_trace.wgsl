@@ -40,11 +40,11 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Nearest surface along the ray.
     let sensor = sensor_sample(slot);
     let dimension = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
-    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
+    let key = vec4<u32>(sensor.index, sensor.sample, dimension, sensor.seed);
     let depth = dispatch.bounce + 1u;
     var flight = flight_uniforms(key);
     if (HAS_MEDIA && depth == 1u) {
-        flight = vec3<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, frame.seed), flight.z);
+        flight = vec3<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, sensor.seed), flight.z);
     }
     if (HAS_SHEETS && depth == 1u) {
         sheet_numbers = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_SHEET, frame.seed);
@@ -102,13 +102,19 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var mark = select(0u, MARK_SHADE, can_shade || has_segment);
     shade_points[slot] = q;
 
-    // Next direction. The first two bounces skip Russian roulette, because they carry most of the image.
-    var u = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 0u, frame.seed);
-    if (depth == 1u) {
-        u = vec4<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_DIRECTION, frame.seed),
-            stratified2(sensor.index, frame.iteration, sensor.number, PAIR_LOBE, frame.seed));
+    // The light that comes straight back to a LiDAR has two segments, and the connection of q to the laser is the second one.
+    if (HAS_OWN_LASERS) {
+        marks[id.x] = mark;
+        return;
     }
-    let roulette = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 1u, frame.seed);
+
+    // Next direction. The first two bounces skip Russian roulette, because they carry most of the image.
+    var u = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 0u, sensor.seed);
+    if (depth == 1u) {
+        u = vec4<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_DIRECTION, sensor.seed),
+            stratified2(sensor.index, frame.iteration, sensor.number, PAIR_LOBE, sensor.seed));
+    }
+    let roulette = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 1u, sensor.seed);
     if (!is_late && scatter(&s, q, arrival.carried, true, u, select(roulette.x, -1.0, depth < 3u))) {
         states[slot] = s;
         mark |= MARK_ALIVE;

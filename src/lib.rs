@@ -49,6 +49,8 @@ mod printable;
 #[allow(missing_docs)]
 mod render;
 #[allow(missing_docs)]
+mod scan;
+#[allow(missing_docs)]
 mod scene;
 #[allow(missing_docs)]
 mod self_check;
@@ -91,6 +93,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, tev, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, wgsl,
     }
 }

@@ -1,18 +1,16 @@
-//! Scans: one render per laser point, all with the same renderer.
+//! Scans.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 use pyo3::prelude::*;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::scan_file::{ScanArrays, ScanFilm};
-use taugate::internals::input::scan_table::Scan;
-use taugate::internals::render::schedule::scan_samples;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, check_aimed_points};
-use taugate::internals::scene::Scene;
-use taugate::internals::settings::{Budget, Sampling, Settings};
+use taugate::internals::render::MemoryPlan;
+use taugate::internals::scan::{Measurement, PreparedScan};
+use taugate::internals::settings::Sampling;
 
 use crate::engine::{self, Step, early_end, watched};
 use crate::errors::{Failure, Result, settings as mistake, shown};
@@ -57,6 +55,11 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let Some(table) = &experiment.scan else {
         return Err(mistake("this is no scan; load an experiment (.toml) with a table [scan]"));
     };
+    if experiment.output.aov.is_some() {
+        return Err(mistake(
+            "the program writes the layers of a scan (aov): taugate render SCAN.toml --aov all -o scan.npy",
+        ));
+    }
     let scan = table.scan().map_err(mistake)?;
     let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
     let has_variance = experiment.output.variance.unwrap_or(false);
@@ -64,40 +67,24 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let bytes = ScanFilm::bytes(&scan, settings.responses().len(), has_variance);
     memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")?;
 
-    let prepared = PreparedScene::new(scene, &settings)?;
+    let ready = PreparedScan::new(&scan, scene.clone(), &settings)?;
     let at = |point| (scan.light(point), scan.camera(point));
-    let missing = prepared.missing_in_scan(scene, &settings, scan.laser_points.len(), at);
+    let missing = ready.prepared.missing_in_scan(&ready.scene, &settings, scan.laser_points.len(), at);
     let warning = missing.as_ref().map(|(_, missing)| missing.describe());
-    let of_scene: Vec<String> = prepared.scene_warnings(scene, &settings).into_iter().chain(warning).collect();
+    let of_scene = ready.prepared.scene_warnings(&ready.scene, &settings);
+    let of_scene: Vec<String> = of_scene.into_iter().chain(warning).collect();
     let device = engine::device(experiment.render.device.as_deref())?;
-    MemoryPlan::new(scene, &settings, &prepared, Some(device.info()))?.check(device.info())?;
-    if !scan.accounts_first_and_last {
-        let seen = scan.sensor_points.as_ref().unwrap_or(&scan.laser_points);
-        check_aimed_points(&device, scene, &settings, "sensor", &Scan::camera_at(scan.sensor, seen))?;
-        check_aimed_points(&device, scene, &settings, "laser", &Scan::camera_at(scan.laser, &scan.laser_points))?;
-    }
-    let mut renderer = Renderer::from_prepared(&device, scene, &settings, &prepared)?;
-    if has_variance {
-        renderer.estimate_response_variance();
-    }
+    MemoryPlan::new(&ready.scene, &ready.settings, &ready.prepared, Some(device.info()))?.check(device.info())?;
+    ready.check_points(&device, &scan)?;
+    let mut measurement = Measurement::new(&device, &scan, ready, has_variance)?;
 
-    let film = ScanFilm::new(&scan, settings.responses().len(), has_variance);
     let strict = experiment.render.strict.unwrap_or(false);
-    let started = Instant::now();
-    let mut measuring = Measuring {
-        scan: &scan,
-        scene: scene.clone(),
-        prepared,
-        settings: &settings,
-        strict,
-        film,
-        measured: 0,
-        samples: 0,
-    };
-    let (ended, failure) = watched(progress, |steps, stop| measuring.run(&mut renderer, &steps, stop));
-    let interrupt = early_end(ended, failure, &device, measuring.measured > 0)?;
-    let Measuring { film, measured, samples, .. } = measuring;
-    let is_whole = measured == scan.laser_points.len();
+    let (started, count) = (Instant::now(), scan.laser_points.len());
+    let (ended, failure) = watched(progress, |steps, stop| measure(&mut measurement, count, strict, &steps, stop));
+    let interrupt = early_end(ended, failure, &device, measurement.measured() > 0)?;
+    let (measured, samples, is_whole) = (measurement.measured(), measurement.samples(), measurement.is_whole());
+    let dropped = measurement.renderer().stats().dropped;
+    let film = measurement.into_film();
     if is_whole && film.is_black() && !experiment.gate.force.unwrap_or(false) {
         let mut turned = scene.clone();
         let (laser, camera) = at(missing.map_or(0, |(point, _)| point));
@@ -108,79 +95,35 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let mut arrays = None;
     if measured > 0 {
         let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed.clone());
-        let description = film.description(table, &scan, measured, samples, &provenance);
+        let description = film.description(table, &scan, measured, samples, None, &provenance);
         let description = description.map_err(|e| mistake(format!("the scan cannot be described: {e}")))?;
         arrays = Some((film.into_arrays(&scan), description));
     }
     let mut warnings = [&scene.warnings[..], &resolved.warnings, &of_scene].concat();
-    let dropped = renderer.stats().dropped;
     if dropped > 0 {
         warnings.push(format!("{dropped} samples were not finite and count as 0"));
     }
     Ok(Measured { arrays, warnings, interrupt: interrupt.filter(|_| !is_whole) })
 }
 
-struct Measuring<'a> {
-    scan: &'a Scan,
-    scene: Scene,
-    prepared: PreparedScene,
-    settings: &'a Settings,
+/// Measures point after point, until `stop` is true. Points that `stop` interrupts are left out.
+fn measure(
+    measurement: &mut Measurement,
+    count: usize,
     strict: bool,
-    film: ScanFilm,
-    /// Number of laser points measured so far.
-    measured: usize,
-    /// Samples per pair of points.
-    samples: u64,
-}
-
-impl Measuring<'_> {
-    /// Measures one laser point after the other, until `stop` is true. A point that `stop` interrupts is left out.
-    fn run(&mut self, renderer: &mut Renderer, steps: &Sender<Step>, stop: &Arc<AtomicBool>) -> Result<()> {
-        let (started, count) = (Instant::now(), self.scan.laser_points.len());
-        let laser = self.scene.lights.len() - 1;
-        while self.measured < count {
-            self.scene.lights[laser] = self.scan.light(self.measured);
-            if !self.prepared.follow(&self.scene, self.settings)?
-                || !renderer.set_camera(&self.scan.camera(self.measured))?
-            {
-                unreachable!("laser and sensor keep their places, and turn");
-            }
-            renderer.set_lights(&self.prepared, self.settings)?;
-            let seed = Scan::seed(self.settings.seed(), self.measured);
-            renderer.restart(seed, self.settings.responses().clone())?;
-            if !self.point(renderer, stop)? {
-                return Ok(());
-            }
-            self.film.set(self.measured, renderer.film(), renderer.responses());
-            (self.measured, self.samples) = (self.measured + 1, renderer.film().samples());
-            let fraction = self.measured as f64 / count as f64;
-            // `watched` keeps the receiver until this thread ends, so this cannot fail.
-            let _ = steps.send(Step { fraction, samples: self.samples, seconds: started.elapsed().as_secs_f64() });
+    steps: &Sender<Step>,
+    stop: &Arc<AtomicBool>,
+) -> Result<()> {
+    let started = Instant::now();
+    while !measurement.is_whole() && measurement.step(stop)? {
+        let dropped = measurement.renderer().stats().dropped;
+        if strict && dropped > 0 {
+            return Err(Failure::NotFinite(dropped));
         }
-        Ok(())
+        let fraction = measurement.measured() as f64 / count as f64;
+        let seconds = started.elapsed().as_secs_f64();
+        // `watched` keeps the receiver until this thread ends, so this cannot fail.
+        let _ = steps.send(Step { fraction, samples: measurement.samples(), seconds });
     }
-
-    /// Renders one point of the laser. Returns false if it was stopped before its end.
-    fn point(&self, renderer: &mut Renderer, stop: &AtomicBool) -> Result<bool> {
-        let budget = match self.settings.budget() {
-            Budget::Seconds(seconds) => Budget::Seconds(seconds / self.scan.laser_points.len() as f64),
-            budget => budget,
-        };
-        let started = Instant::now();
-        loop {
-            let film = renderer.film();
-            let samples = scan_samples(&budget, film.width(), film.samples(), started.elapsed());
-            if samples == 0 {
-                return Ok(true);
-            }
-            if stop.load(Ordering::SeqCst) {
-                return Ok(false);
-            }
-            renderer.iterate(samples)?;
-            let dropped = renderer.stats().dropped;
-            if self.strict && dropped > 0 {
-                return Err(Failure::NotFinite(dropped));
-            }
-        }
-    }
+    Ok(())
 }

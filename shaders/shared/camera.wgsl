@@ -7,7 +7,8 @@
 #import frame
 #import math
 
-// One texel per pixel of the whole film: its unit direction, and the length by which its travel times are shortened.
+// One texel per pixel of the whole film: its unit direction, and the length by which its travel times are shortened. If
+// HAS_OWN_LASERS, the seed of its random numbers takes the place of the length, which is 0.
 @group(0) @binding(17) var aims: texture_1d<u32>;
 
 struct CameraRay {
@@ -47,6 +48,14 @@ fn camera_ray(pixel: vec2<u32>, u: vec2<f32>) -> CameraRay {
 // The entry of `aims` for a pixel of the whole film.
 fn load_aim(pixel: vec2<u32>) -> vec4<f32> {
     return bitcast<vec4<f32>>(textureLoad(aims, pixel.y * frame.width + pixel.x, 0));
+}
+
+// Seed of the random numbers of a pixel of the whole film.
+fn pixel_seed(pixel: vec2<u32>) -> u32 {
+    if (HAS_OWN_LASERS) {
+        return textureLoad(aims, pixel.y * frame.width + pixel.x, 0).w;
+    }
+    return frame.seed;
 }
 
 // Density of camera rays that are sampled uniformly over the area of one pixel: per solid angle for a pinhole, per area

@@ -1,5 +1,5 @@
 // The sensor samples of a tile, as list_samples.wgsl lists them.
-#import frame
+#import camera
 
 // One entry per sample, with two 16-bit numbers in each word, the first in the low half. x: column and row of the pixel in
 // the whole film. y: number of the sample within its pixel and iteration, and the pixel's number of samples in this
@@ -9,8 +9,9 @@
 struct SensorSample {
     // Column and row of the pixel in the whole film.
     pixel: vec2<u32>,
-    // Row-major index of the pixel in the whole film.
+    // Keys of the pixel's random numbers. `index`: row-major index of the pixel in the whole film, 0 if HAS_OWN_LASERS.
     index: u32,
+    seed: u32,
     // Number of the sample within its pixel, counted in this iteration.
     number: u32,
     // The same number, counted over the whole render.
@@ -22,7 +23,8 @@ fn sensor_sample(slot: u32) -> SensorSample {
     let s = tile_samples[slot];
     let number = s.y & 0xffffu;
     let pixel = vec2<u32>(s.x & 0xffffu, s.x >> 16u);
-    return SensorSample(pixel, pixel.y * frame.width + pixel.x, number, frame.first_sample + number);
+    let index = select(pixel.y * frame.width + pixel.x, 0u, HAS_OWN_LASERS);
+    return SensorSample(pixel, index, pixel_seed(pixel), number, frame.first_sample + number);
 }
 
 // Number of samples that the pixel of sample `slot` has in this iteration.

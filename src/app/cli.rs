@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+use taugate::Estimator;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::exposure::Exposure;
@@ -341,6 +342,11 @@ pub struct BenchArgs {
     /// [default: 40 times the suite's time, without extending accurate references]
     #[arg(long, value_name = "DURATION", help_heading = "Sampling", requires = "reference")]
     pub reference_time: Option<Seconds>,
+
+    /// With --reference, the estimator that renders the references; another one checks them [default: the one with the
+    /// smallest error per second]
+    #[arg(long, value_name = "NAME", help_heading = "Sampling", requires = "reference")]
+    pub reference_estimator: Option<Estimator>,
 
     /// Folder for results.csv, plots, pictures and report.md [default: bench-SUITE]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]

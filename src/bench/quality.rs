@@ -1,6 +1,7 @@
 //! How accurate a reference is, and how accurate it must be.
 
 use crate::compare::metrics::Means;
+use crate::settings::Estimator;
 
 /// The relMSE of a reference itself must be this many times smaller than the best result that is compared with it.
 pub const MARGIN: f64 = 20.0;
@@ -21,6 +22,8 @@ pub fn is_good(own: f64, relmse: f64) -> bool {
 pub struct ReferenceTarget {
     /// Time of each variant in the suite, in seconds.
     pub seconds: f64,
+    /// The estimator that renders the reference. `None`: the one with the smallest error per second.
+    pub estimator: Option<Estimator>,
     /// Time limit of the reference, in seconds.
     pub limit: f64,
     /// The smallest relMSE measured so far; `None` without results.

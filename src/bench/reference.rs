@@ -12,7 +12,7 @@
 use std::path::{Path, PathBuf};
 
 use super::job::{Entry, Job};
-use super::pilot::{fastest, frugal, pilots, with_defaults_of};
+use super::pilot::{Pilot, fastest, frugal, pilots, with_defaults_of};
 use super::quality::{MARGIN, MAX_REFERENCE_RELMSE, ReferenceTarget, relative};
 use super::timed_renderer::TimedRenderer;
 use crate::compare::agreement::{Agreement, MIN_BATCHES, agreement};
@@ -133,7 +133,8 @@ pub fn make(
     let Some(pilots) = pilots(device, job, prepared, entries, target, watch)? else { return Ok(None) };
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
     let cheapest = |mean: &[f32]| measured().map(|p| p.cost(mean)).fold(Means::INFINITE, Means::min);
-    let chosen = fastest(&pilots);
+    let may_render = |pilot: &&Pilot| target.estimator.is_none_or(|wanted| pilot.settings.estimator() == wanted);
+    let chosen = fastest(pilots.iter().filter(may_render));
     // Pilots are slower than long renders because their iterations have few samples. The long render shows by which factor the
     // chosen settings improved. Assume that the other settings would improve by the same factor.
     let wanted = |mean: &[f32], own: Means, seconds: f64| {

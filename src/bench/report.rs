@@ -1,7 +1,6 @@
 //! The report of a suite: one page with a table, a plot and a strip of crops for every scene.
 
 use std::fmt::Write;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use super::growth;
@@ -9,7 +8,7 @@ use super::job::Entry;
 use super::plot;
 use super::quality::MARGIN;
 use super::reference::{self, Reference};
-use super::strip::strip;
+use super::strip::{self, strip};
 use super::suite::Suite;
 use super::summary::{self, ErrorSummary, Spread, VariantSummary};
 use super::table::Row;
@@ -172,7 +171,7 @@ fn convergence(out: &Path, page: &Page, scene: &str, summaries: &[VariantSummary
     Ok(format!("![{measure} against time]({name})\n\n"))
 }
 
-/// Writes the strip of crops. Returns its link and caption, or nothing if the reference or all images are missing.
+/// Writes the strip of crops, with and without labels. Returns the link to it, or nothing if the reference or all images are missing.
 fn crops(out: &Path, page: &Page, scene: &str, entries: &[Entry]) -> Result<String> {
     let Some(Reference { picture, .. }) = reference::read(page.references, &entries[0])? else {
         return Ok(String::new());
@@ -191,16 +190,14 @@ fn crops(out: &Path, page: &Page, scene: &str, entries: &[Entry]) -> Result<Stri
     if images.is_empty() {
         return Ok(String::new());
     }
-    let name = format!("{}.png", plain(scene));
-    let mut bytes = Cursor::new(vec![]);
-    strip(&picture, &images)
-        .write_to(&mut bytes, image::ImageFormat::Png)
-        .map_err(|e| Error::File { path: out.join(&name), message: format!("cannot be written: {e}") })?;
-    write_atomically(&out.join(&name), |file| std::io::Write::write_all(file, bytes.get_ref()))?;
-    Ok(format!(
-        "![crops]({name})\n\nFrom left to right: reference, {}. Below: FLIP error, black for no error.\n\n",
-        names.join(", ")
-    ))
+    let name = plain(scene);
+    let picture_path = out.join(format!("{name}.png"));
+    let (png, svg) = strip::files(&strip(&picture, &images), &names)
+        .map_err(|e| Error::File { path: picture_path.clone(), message: format!("cannot be written: {e}") })?;
+    write_atomically(&picture_path, |file| std::io::Write::write_all(file, &png))?;
+    let labelled = format!("{name}-crops.svg");
+    write_atomically(&out.join(&labelled), |file| std::io::Write::write_all(file, svg.as_bytes()))?;
+    Ok(format!("![crops]({labelled})\n\n"))
 }
 
 /// The errors of the references themselves, one paragraph per reference.

@@ -1,6 +1,11 @@
 //! Crops side by side: the reference and every variant in the upper row, the errors in the lower row.
 
-use image::{Rgb, RgbImage};
+use std::fmt::Write;
+use std::io::Cursor;
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use image::{ImageResult, Rgb, RgbImage};
 
 use crate::compare::flip;
 use crate::image::exr_file::Picture;
@@ -12,6 +17,8 @@ const CROP: [u32; 2] = [160, 120];
 const TILE: u32 = 240;
 /// White pixels between tiles.
 const GAP: u32 = 4;
+/// Height of the labels above the crops, in pixels.
+const LABELS: u32 = 20;
 /// Steps between the candidate positions of the crop, along each side.
 const STEPS: u32 = 8;
 
@@ -44,6 +51,36 @@ pub fn strip(reference: &Picture, images: &[Picture]) -> RgbImage {
     out
 }
 
+/// A strip as PNG, and as SVG with the name of each image above its crop.
+pub fn files(strip: &RgbImage, names: &[&str]) -> ImageResult<(Vec<u8>, String)> {
+    let mut png = Cursor::new(vec![]);
+    strip.write_to(&mut png, image::ImageFormat::Png)?;
+    let png = png.into_inner();
+    let columns = 1 + names.len() as u32;
+    let (width, height) = (strip.width(), strip.height() + LABELS);
+    let (tile, row) = ((width + GAP) / columns - GAP, (strip.height() + GAP) / 2);
+    let mut svg = format!(
+        "<svg xmlns='http://www.w3.org/2000/svg' width='{width}' height='{height}' font-family='sans-serif' font-size='13'>\n\
+         <rect width='{width}' height='{height}' fill='white'/>\n\
+         <image y='{LABELS}' width='{width}' height='{}' href='data:image/png;base64,{}'/>\n",
+        strip.height(),
+        BASE64_STANDARD.encode(&png)
+    );
+    // Each label has a box of its own, so that a long name does not run into the next one.
+    let mut label = |left: u32, top: u32, text: &str| {
+        let text = text.replace('&', "&amp;").replace('<', "&lt;");
+        let _ = writeln!(
+            svg,
+            "<svg x='{left}' y='{top}' width='{tile}' height='{LABELS}'><text x='50%' y='14' text-anchor='middle'>{text}</text></svg>"
+        );
+    };
+    for (column, name) in (0..).zip(["reference"].iter().chain(names)) {
+        label(column * (tile + GAP), 0, name);
+    }
+    label(0, LABELS + row + row / 2 - LABELS / 2, "FLIP error, black for none");
+    Ok((png, svg + "</svg>\n"))
+}
+
 /// Colour of an error from 0 to 1: black, violet, orange, white, with growing brightness.
 fn heat(error: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 5] =
@@ -68,4 +105,23 @@ fn place(picture: &Picture, [w, h]: [u32; 2]) -> [u32; 2] {
         pairs.map(|(x, y)| (value(x, y) - value(x - 1, y)).abs()).sum()
     };
     candidates.max_by(|a, b| contrast(a).total_cmp(&contrast(b))).unwrap_or([0, 0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_crop_has_the_name_of_its_image() {
+        // The reference and two images, 240 pixels wide, with gaps of 4 pixels.
+        let (png, svg) = files(&RgbImage::new(728, 364), &["lcs", "bdpt <2 & more>"]).unwrap();
+        assert!(png.starts_with(b"\x89PNG"));
+        let texts: Vec<&str> = svg.lines().filter(|line| line.contains("<text")).collect();
+        let wanted =
+            [("x='0' y='0'", "reference"), ("x='244' y='0'", "lcs"), ("x='488' y='0'", "bdpt &lt;2 &amp; more>")];
+        for ((place, name), line) in wanted.into_iter().zip(&texts) {
+            assert!(line.contains(place) && line.contains(&format!(">{name}</text>")), "{line}");
+        }
+        assert!(texts.len() == 4 && texts[3].contains("FLIP"), "{texts:?}");
+    }
 }

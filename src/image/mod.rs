@@ -17,4 +17,5 @@ pub mod npy_read;
 pub mod png_file;
 pub mod response_film;
 pub mod scan_file;
+pub mod scan_layers;
 pub mod time_plot;

@@ -11,6 +11,7 @@ use crate::image::depth;
 use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
+use crate::image::scan_layers::layers_path;
 use crate::settings::frequencies::Frequencies;
 use crate::settings::response_specs::ResponseSpec;
 use crate::settings::{Response, Responses};
@@ -176,7 +177,7 @@ pub fn paths_beside(path: &Path) -> [PathBuf; 2] {
     [variance_path(path), depth_path(path)]
 }
 
-/// The variances and depths of an earlier array of this name, which a new array without them must not keep. The JSON file beside the
+/// The variances, depths and layers of an earlier array of this name, which a new array without them must not keep. The JSON file beside the
 /// earlier array tells whether it had them. Without that file, arrays with these names belong to somebody else. Call this function
 /// before the new JSON file is written.
 pub fn stale_arrays(path: &Path) -> Vec<PathBuf> {
@@ -188,7 +189,8 @@ pub fn stale_arrays(path: &Path) -> Vec<PathBuf> {
     let settings = earlier["settings"].as_str().and_then(|text| text.parse::<toml::Table>().ok());
     let has_depths = settings.is_some_and(|settings| settings.get("gate").is_some_and(|gate| gate.get("cw").is_some()));
     let depths = has_depths.then(|| depth_path(path));
-    [variance_path(path)].into_iter().chain(depths).collect()
+    let layers = earlier["aov"].is_array().then(|| layers_path(path));
+    [variance_path(path)].into_iter().chain(depths).chain(layers).collect()
 }
 
 /// Writes an array as [`write_array`] does, and removes the [`stale_arrays`] beside it.
@@ -209,15 +211,20 @@ pub fn remove_stale(stale: &[PathBuf]) -> Result<()> {
     })
 }
 
-/// The header of a `.npy` file of version 1.0 with values of the type `kind`: `<f4` or `<f8`, little-endian floats. Its length is a
-/// multiple of 64 bytes, so that programs can map the array into memory.
+/// The header of a `.npy` file with values of the type `kind`: `<f4` or `<f8`, little-endian floats.
 pub(super) fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    header_of(&format!("'{kind}'"), shape)
+}
+
+/// The header of a `.npy` file of version 1.0. `kind`: the type of a value as Python writes it, a name in quotes or a list of fields. The
+/// length of the header is a multiple of 64 bytes, so that programs can map the array into memory.
+pub(super) fn header_of(kind: &str, shape: &[usize]) -> Vec<u8> {
     let mut sides = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     if shape.len() == 1 {
         // Python writes a tuple of one number with a comma.
         sides.push(',');
     }
-    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sides}), }}");
+    let mut text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({sides}), }}");
     // Ten bytes precede the text, and a line break ends it.
     let padding = (10 + text.len() + 1).next_multiple_of(64) - (10 + text.len() + 1);
     text.push_str(&" ".repeat(padding));

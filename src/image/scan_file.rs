@@ -1,5 +1,6 @@
 //! Writes the result of a scan as a NumPy array, with a JSON file beside it.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
@@ -11,6 +12,7 @@ use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
 use crate::image::npy_file::{Bins, Entry, write_array, write_new_array};
 use crate::image::response_film::ResponseFilm;
+use crate::image::scan_layers::ScanLayers;
 use crate::input::scan_table::{Points, Scan, ScanTable};
 
 /// Mean radiance in W / (m^2 sr) per response, point of the laser and point of the sensor: the mean of red, green and blue. Pairs that
@@ -47,10 +49,9 @@ impl ScanFilm {
         values * size_of::<f32>() as u64 * if has_variance { 2 } else { 1 }
     }
 
-    /// Stores the measurement of point `laser` of the laser: the image of one response, or the images of several.
-    pub fn set(&mut self, laser: usize, film: &Film, responses: Option<&ResponseFilm>) {
-        let points = film.width() as usize;
-        let first = laser * points;
+    /// Stores the first `points` pixels of the image of one response, or of the images of several. They are the measurements of the pairs
+    /// of points from number `first` on, counted by point of the laser, then by point of the sensor.
+    pub fn set(&mut self, first: usize, points: usize, film: &Film, responses: Option<&ResponseFilm>) {
         let store = |to: &mut [f32], rgb: &[f32], factor: f32| {
             for (k, rgb) in rgb.chunks_exact(3).enumerate() {
                 to[k * self.pairs] = rgb.iter().sum::<f32>() * factor;
@@ -103,6 +104,7 @@ impl ScanFilm {
     }
 
     /// Writes the JSON file that describes the arrays, see [`ScanFilm::description`].
+    #[allow(clippy::too_many_arguments)]
     pub fn write_description(
         &self,
         path: &Path,
@@ -110,21 +112,23 @@ impl ScanFilm {
         scan: &Scan,
         measured: usize,
         samples: u64,
+        layers: Option<&ScanLayers>,
         provenance: &Provenance,
     ) -> Result<()> {
         write_atomically(path, |writer| {
-            let text = self.description(table, scan, measured, samples, provenance)?;
+            let text = self.description(table, scan, measured, samples, layers, provenance)?;
             writer.write_all(text.as_bytes())
         })
     }
 
-    /// JSON that describes the arrays. `measured`: number of points of the laser that were measured.
+    /// JSON that describes the arrays. `measured`: number of points of the laser that were measured. `layers`: what lies beside them.
     pub fn description(
         &self,
         table: &ScanTable,
         scan: &Scan,
         measured: usize,
         samples: u64,
+        layers: Option<&ScanLayers>,
         provenance: &Provenance,
     ) -> serde_json::Result<String> {
         let positions = |points: &[glam::DVec3]| points.iter().map(|p| p.to_array()).collect::<Vec<_>>();
@@ -150,6 +154,8 @@ impl ScanFilm {
             sensor_points: positions(scan.sensor_points.as_ref().unwrap_or(&scan.laser_points)),
             measured_laser_points: measured,
             samples,
+            aov: layers.map(ScanLayers::fields),
+            objects: layers.filter(|layers| layers.chosen.object).map(|layers| &layers.objects),
             seconds: provenance.seconds,
             seed: provenance.seed,
             version: version(),
@@ -185,6 +191,11 @@ struct Description<'a> {
     measured_laser_points: usize,
     /// Samples per pair of points.
     samples: u64,
+    /// Fields of the auxiliary layers, and the names of their objects by number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    aov: Option<Vec<&'static str>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objects: Option<&'a BTreeMap<u32, String>>,
     seconds: f64,
     seed: u32,
     version: String,
@@ -209,7 +220,7 @@ mod tests {
         }
         let mut total = Film::new(3, 1);
         total.add(&[0.0; 9], 2);
-        film.set(1, &total, Some(&seen));
+        film.set(3, 3, &total, Some(&seen));
         assert_eq!(film.shape(&scan), [2, 2, 3]);
         assert!(film.means[..3].iter().chain(&film.means[6..9]).all(|x| x.is_nan()));
         assert_eq!((&film.means[3..6], &film.means[9..]), (&[0.0; 3][..], &[0.0, 0.0, 4.0][..]));

@@ -2,6 +2,7 @@
 
 mod points;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -11,9 +12,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::error::Result;
 use crate::scene::check::MAX_COORDINATE;
 use crate::scene::{Aim, Camera, Light, LightKind, Projection};
+use crate::settings::MAX_ROW;
 use crate::settings::keys::Dashed;
 use crate::settings::numbers::Numbers;
-pub use points::{Directions, Grid, Points};
+pub use points::{Directions, Ends, Grid, Points};
 
 /// Name of the camera of a scan.
 pub const SENSOR: &str = "scan sensor";
@@ -22,11 +24,14 @@ pub const LASER: &str = "scan laser";
 
 /// Power of the laser in W, if the user gives none.
 const DEFAULT_POWER: f64 = 1.0;
+/// Maximum number of points of the laser: of beams, if the scan is confocal. Those of the sensor have a pixel each in an image of one
+/// row, so [`MAX_ROW`] limits them.
+const MAX_LASER_POINTS: u32 = 1 << 20;
 /// Maximum divergence and field of view, in degrees.
 const MAX_ANGLE: f64 = 90.0;
 
 /// The keys of `[scan]` that no other table has. `[[light]]` has a power too.
-pub const KEYS: [&str; 8] = [
+pub const KEYS: [&str; 9] = [
     "laser",
     "sensor",
     "divergence",
@@ -35,6 +40,7 @@ pub const KEYS: [&str; 8] = [
     "points",
     "laser-points",
     "sensor-points",
+    "ends",
 ];
 
 /// A scan as the user wrote it. Reading a file checks it, so [`ScanTable::scan`] cannot fail afterwards.
@@ -59,6 +65,8 @@ pub struct ScanTable {
     /// The points of an exhaustive scan: for each point of the laser, the sensor looks at all of its points.
     pub laser_points: Option<Points>,
     pub sensor_points: Option<Points>,
+    /// Where the first and the last point of grids and directions are; by default [`Ends::Centres`].
+    pub ends: Option<Ends>,
 }
 
 /// A scan. It consists of one render per point of the laser. Positions are in world space, in metres.
@@ -81,9 +89,15 @@ impl ScanTable {
     pub fn scan(&self) -> Result<Scan, String> {
         let laser = DVec3::from(self.laser.0);
         let sensor = self.sensor.map_or(laser, |sensor| sensor.0.into());
+        let given = [&self.points, &self.laser_points, &self.sensor_points];
+        if self.ends.is_some() && given.into_iter().flatten().all(|points| points.grid().is_none()) {
+            return Err("ends is for grids and directions, and the points are a list: remove it".into());
+        }
+        let ends = self.ends.unwrap_or_default();
+        let lit_at = |points: &Points| points.positions(laser, ends, MAX_LASER_POINTS);
         let (laser_points, sensor_points) = match (&self.points, &self.laser_points, &self.sensor_points) {
-            (Some(points), None, None) => (points.positions(laser)?, None),
-            (None, Some(lit), Some(seen)) => (lit.positions(laser)?, Some(seen.positions(sensor)?)),
+            (Some(points), None, None) => (lit_at(points)?, None),
+            (None, Some(lit), Some(seen)) => (lit_at(lit)?, Some(seen.positions(sensor, ends, MAX_ROW)?)),
             _ => {
                 return Err("a scan needs points, at which laser and sensor look together, or both laser-points and sensor-points"
                     .into());
@@ -96,7 +110,6 @@ impl ScanTable {
         if !(power > 0.0 && (power as f32).is_finite()) {
             return Err(format!("the power of the laser is {power} W; it must be above 0"));
         }
-        let given = [&self.points, &self.laser_points, &self.sensor_points];
         let has_directions = given.into_iter().flatten().any(Points::are_directions);
         if has_directions && self.points.is_some() && laser != sensor {
             return Err("if points are directions, laser and sensor must stand in one place: remove the sensor".into());
@@ -151,6 +164,23 @@ impl Scan {
         let state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         (state ^ (state >> 31)) as u32
+    }
+
+    /// Whether each point of the laser is one beam of a LiDAR: a cone of light, and a sensor in the same place that looks along its axis
+    /// and omits no length.
+    pub fn lights_what_it_sees(&self) -> bool {
+        let is_confocal = self.sensor_points.is_none() && self.laser == self.sensor;
+        is_confocal && self.divergence > 0.0 && self.accounts_first_and_last
+    }
+
+    /// A camera with one pixel for each of the beams `numbers`, and the seeds of their renders. Beyond the last beam, the last one counts
+    /// again.
+    pub fn beams(&self, numbers: Range<usize>, seed: u32) -> (Camera, Vec<u32>) {
+        let last = self.laser_points.len() - 1;
+        let numbers = || numbers.clone().map(|number| number.min(last));
+        let points: Vec<DVec3> = numbers().map(|number| self.laser_points[number]).collect();
+        let seeds = numbers().map(|number| Scan::seed(seed, number)).collect();
+        (aimed(self.sensor, &points, self.pixel_fov, |_| 0.0), seeds)
     }
 
     /// Number of points at which the sensor looks for each point of the laser.
@@ -292,6 +322,61 @@ mod tests {
         assert!((power - 1.0).abs() < 1e-6, "{power}");
     }
 
+    /// The 16 rows of a LiDAR whose data sheet says "-15 to 15 degrees, every 2 degrees", and its turn that begins straight ahead.
+    #[test]
+    fn ends_are_included_or_rows_are_the_centres_of_cells() {
+        let angles = |keys: &str| {
+            let points = "points = {forward = [0, 0, -1], azimuth = [0, 360], elevation = [-15, 15], count = [4, 16]}";
+            let scan = parse(&format!("laser = [0, 0, 0]\n{keys}\n{points}")).unwrap();
+            let of = |p: &DVec3| [p.x.atan2(-p.z).rem_euclid(2.0 * PI), p.y.asin()].map(f64::to_degrees);
+            scan.laser_points.iter().map(of).collect::<Vec<_>>()
+        };
+        let close = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
+        let included = angles("ends = 'included'");
+        for (row, elevation) in (0..16).zip((0..16).map(|row| 15.0 - 2.0 * f64::from(row))) {
+            for (column, azimuth) in [0.0, 90.0, 180.0, 270.0].into_iter().enumerate() {
+                let [a, e] = included[row * 4 + column];
+                close(a, azimuth);
+                close(e, elevation);
+            }
+        }
+        for keys in ["", "ends = 'centres'"] {
+            let centres = angles(keys);
+            close(centres[0][1], 14.0625);
+            close(centres[0][0], 45.0);
+            close(centres[63][1], -14.0625);
+        }
+        // A part of a turn has both ends, and the points of a wall have its corners. A single row is in the middle.
+        let keys = |points: &str| format!("laser = [0, 0, 5]\nends = 'included'\npoints = {points}");
+        let half = "{forward = [0, 0, -1], azimuth = [0, 90], elevation = [-10, 10], count = [2, 1]}";
+        let scan = parse(&keys(half)).unwrap();
+        assert!(scan.laser_points[0].distance(DVec3::new(0.0, 0.0, 4.0)) < 1e-12);
+        assert!(scan.laser_points[1].distance(DVec3::new(1.0, 0.0, 5.0)) < 1e-12);
+        let wall = "{corner = [-1, 1, 0], across = [2, 0, 0], down = [0, -2, 0], count = [3, 2]}";
+        let scan = parse(&keys(wall)).unwrap();
+        assert_eq!(scan.laser_points[0], DVec3::new(-1.0, 1.0, 0.0));
+        assert_eq!(scan.laser_points[5], DVec3::new(1.0, -1.0, 0.0));
+        let message = parse(&keys("[[0, 0, 0]]")).unwrap_err();
+        assert!(message.contains("ends is for grids and directions"), "{message}");
+        assert!(parse(&keys(half).replace("included", "middle")).is_err());
+    }
+
+    #[test]
+    fn a_scan_has_a_million_beams() {
+        let turn = |rows: u32| {
+            format!(
+                "laser = [0, 0, 5]\npoints = {{forward = [0, 0, -1], azimuth = [0, 360], elevation = [-9, 9], count = [8192, {rows}]}}"
+            )
+        };
+        assert_eq!(parse(&turn(128)).unwrap().laser_points.len(), 1 << 20);
+        let message = parse(&turn(129)).unwrap_err();
+        assert!(message.contains("a scan has 1 to 1048576"), "{message}");
+        // The sensor of an exhaustive scan has an image of one row.
+        let many = turn(8).replace("\npoints", "\nlaser-points = [[0, 0, 0]]\nsensor-points");
+        let message = parse(&many).unwrap_err();
+        assert!(message.contains("a scan has 1 to 65535"), "{message}");
+    }
+
     #[test]
     fn mistakes_name_the_remedy() {
         let grid = |count: &str| {
@@ -322,6 +407,7 @@ mod tests {
             ("points = [[0, 0, 0]]\ndivergence = 100".into(), "from 0 to 90"),
             ("points = [[0, 0, 0]]\npixel_fov = -1".into(), "from 0 to 90"),
             (directions("[0, 0, -1]", "[30, -30]"), "must rise"),
+            (directions("[0, 0, -1]", "[-180, 181]"), "by a full turn at most"),
             (directions("[0, 1, 0]", "[-30, 30]"), "not vertical"),
             (format!("sensor = [0, 0, 4]\n{}", directions("[0, 0, -1]", "[-30, 30]")), "in one place"),
             (

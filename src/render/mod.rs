@@ -62,7 +62,7 @@ use crate::image::response_film::ResponseFilm;
 use crate::scene::Scene;
 use crate::settings::Settings;
 
-pub use aimed_points::check_aimed_points;
+pub use aimed_points::{aimed_surfaces, check_aimed_points};
 pub use arrival::first_arrivals;
 pub use black_backs::{BlackBacks, black_backs};
 use compaction::Compaction;

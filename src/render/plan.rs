@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, PoolOrder, Record};
 use crate::gpu::Quirks;
 use crate::lightcone::gate::rounding_allowance;
-use crate::scene::Scene;
+use crate::scene::{Light, LightKind, Scene};
 use crate::settings::units::Gate;
 use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
@@ -111,6 +111,8 @@ pub struct Plan {
     /// The kind of camera that the kernels are compiled for: whether the camera rays are parallel, and the number of aimed rays.
     is_orthographic: bool,
     aims: usize,
+    /// Whether each aimed ray has a laser of its own ([`PreparedScene::with_own_lasers`]).
+    pub has_own_lasers: bool,
     has_media: bool,
     /// Share of the light subpaths that start from beams.
     pub beam_share: f64,
@@ -165,7 +167,12 @@ impl Plan {
         let all = settings.strategies() == Strategies::All;
         let choice = Choice::new(scene, settings, prepared, quirks)?;
         let estimator = choice.record(settings.responses());
-        let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
+        let has_own_lasers = prepared.has_own_lasers;
+        if has_own_lasers {
+            check_own_lasers(scene, settings)?;
+        }
+        // A light subpath would belong to a single beam, and serve only paths of three segments.
+        let traces_light = estimator.light_subpaths && settings.max_depth() >= 2 && !has_own_lasers;
         let features = prepared.geometry.features;
         let camera = &scene.cameras[settings.camera()];
         let is_aimed = camera.projection.aims().is_some();
@@ -200,6 +207,7 @@ impl Plan {
             has_sky: !emitters.sky.is_empty(),
             is_orthographic: camera.projection.is_orthographic(),
             aims: prepared.aims.len(),
+            has_own_lasers,
             has_media: !prepared.media.list.is_empty(),
             beam_share: emitters.beam_share(),
             group_index: prepared.media.surrounding[1].into(),
@@ -374,6 +382,17 @@ impl Plan {
     /// only the strategies with t = 1.
     pub fn traced_paths(&self) -> u32 {
         self.light_paths + if self.splats { self.splat_paths } else { 0 }
+    }
+}
+
+/// Fails unless the pixels of the camera can have lasers of their own.
+fn check_own_lasers(scene: &Scene, settings: &Settings) -> Result<()> {
+    let place = scene.cameras[settings.camera()].transform.translation;
+    let mut lights = scene.lights.iter().filter(|light| settings.emitters().include(&light.node));
+    let is_laser = |light: &Light| matches!(light.kind, LightKind::Spot { .. }) && light.position == place;
+    match lights.next().is_some_and(is_laser) && lights.next().is_none() && settings.max_depth() <= 2 {
+        true => Ok(()),
+        false => Err(Error::settings("beams are rendered together only if the light of one laser comes straight back")),
     }
 }
 

@@ -28,6 +28,8 @@ pub struct PreparedScene {
     pub(super) sensor: Box3,
     /// The rays of a camera with [`crate::scene::Projection::Aimed`]; else empty.
     pub(super) aims: Vec<[f32; 4]>,
+    /// Whether each pixel has a laser of its own, see [`PreparedScene::with_own_lasers`].
+    pub(super) has_own_lasers: bool,
 }
 
 impl PreparedScene {
@@ -60,7 +62,21 @@ impl PreparedScene {
         let sensor = sensor(camera, settings, &space);
         let media = Media::new(scene, &space)?;
         let aims = space.aims(camera);
-        Ok(PreparedScene { geometry, solids, emitters, media, albedo, space, sensor, aims })
+        let has_own_lasers = false;
+        Ok(PreparedScene { geometry, solids, emitters, media, albedo, space, sensor, aims, has_own_lasers })
+    }
+
+    /// Gives each pixel of an aimed camera a laser of its own, as the beams of a LiDAR have. The only light must be a spot at the
+    /// camera's place. For each pixel, its axis is the direction in which the pixel looks, and the random numbers are those of the first
+    /// pixel of a render with the pixel's seed. So an image of many beams has the bits of the images of single beams. Renders must have a
+    /// `max_depth` of at most 2.
+    ///
+    /// # Panics
+    /// If there is not one seed per aimed ray.
+    pub fn with_own_lasers(mut self, seeds: &[u32]) -> PreparedScene {
+        set_seeds(&mut self.aims, seeds);
+        self.has_own_lasers = true;
+        self
     }
 
     /// Updates the emitters after lights without a surface have moved. The camera may have moved too, but `self` keeps the old one: pass
@@ -198,6 +214,14 @@ impl PreparedScene {
 
 /// Points of the laser at which light is searched that no strategy forms.
 const SEARCHED_POINTS: usize = 16;
+
+/// Stores the seed of each pixel with its aimed ray, whose omitted length is 0.
+pub(super) fn set_seeds(aims: &mut [[f32; 4]], seeds: &[u32]) {
+    assert_eq!(aims.len(), seeds.len(), "each beam has a seed");
+    for (aim, &seed) in aims.iter_mut().zip(seeds) {
+        aim[3] = f32::from_bits(seed);
+    }
+}
 
 const UNPLACED: &str = "the search for the glass around lamps was stopped, because there are too many lamps and triangles of glass; some \
                         lamps count as being outside of glass; if they are inside, use fewer lamps, or glass with fewer triangles";

@@ -2,7 +2,7 @@
 
 #![warn(missing_docs)]
 
-use super::prepared_scene::PreparedScene;
+use super::prepared_scene::{PreparedScene, set_seeds};
 use super::responses::ResponseSums;
 use super::{Iterations, Renderer, Stats};
 use crate::error::{Error, Result};
@@ -57,6 +57,25 @@ impl Renderer {
         }
         // This may fail, so it comes before the plan changes.
         self.scene.write_aims(&self.plan.space.aims(camera))?;
+        self.plan.set_camera(camera);
+        self.clear();
+        Ok(true)
+    }
+
+    /// As [`Renderer::set_camera`], for a renderer whose pixels have lasers of their own ([`PreparedScene::with_own_lasers`]): the beams
+    /// turn, and get new seeds.
+    ///
+    /// # Panics
+    /// If there is not one seed per aimed ray.
+    #[doc(hidden)]
+    pub fn set_beams(&mut self, camera: &Camera, seeds: &[u32]) -> Result<bool> {
+        camera.check()?;
+        if !self.plan.takes(camera) {
+            return Ok(false);
+        }
+        let mut aims = self.plan.space.aims(camera);
+        set_seeds(&mut aims, seeds);
+        self.scene.write_aims(&aims)?;
         self.plan.set_camera(camera);
         self.clear();
         Ok(true)

@@ -104,7 +104,14 @@ fn a_suite_runs_from_reference_to_report_and_resumes() {
         assert!(last.light_vertices > 0.0 && last.queries_per_s > 0.0 && last.rays_per_s > 0.0, "{last:?}");
         assert!((0.0..1.0).contains(&last.dead_query_share) && last.samples > 0 && last.dropped == 0, "{last:?}");
     }
-    for name in ["report.md", "the-box.svg", "the-box.png", "images/the-box@bdpt.exr", "images/the-box@lcs.exr"] {
+    for name in [
+        "report.md",
+        "the-box.svg",
+        "the-box.png",
+        "the-box-crops.svg",
+        "images/the-box@bdpt.exr",
+        "images/the-box@lcs.exr",
+    ] {
         assert!(here.path().join("out").join(name).exists(), "{name}");
     }
     let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
@@ -112,7 +119,7 @@ fn a_suite_runs_from_reference_to_report_and_resumes() {
     for part in [
         "A test.",
         "(the-box.svg)",
-        "(the-box.png)",
+        "(the-box-crops.svg)",
         "| lcs |",
         "gone is not on this machine",
         "The paper reports: 2.5 times lower.",
@@ -398,4 +405,19 @@ fn shipped_suites_are_sound() {
         count += 1;
     }
     assert!(count >= 5);
+}
+
+/// Without --reference-estimator, a variant or an estimator with default settings renders the reference, whichever is the fastest.
+#[test]
+fn the_chosen_estimator_renders_the_reference() {
+    let here = folder("60ms", "7.5m..8.5m");
+    for estimator in ["pt", "bdpt"] {
+        let (_, messages) = succeeds(
+            here.path(),
+            &bench(&["--reference", "--reference-time", "300ms", "--reference-estimator", estimator]),
+        );
+        let by = format!(" by {estimator}");
+        assert!(messages.contains(&by), "{messages}");
+    }
+    fails(here.path(), &bench(&["--reference-estimator", "pt"]), 2, "--reference");
 }

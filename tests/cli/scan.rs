@@ -168,7 +168,7 @@ fn mistakes_in_a_scan_are_explained() {
         ("beside.toml", &[], "there is no surface there"),
         ("camera.toml", &[], "cannot have a camera"),
         ("lamp.toml", &[], "cannot have lights"),
-        ("late.toml", &[], "meets no light"),
+        ("late.toml", &["-q"], "meets no light"),
         ("hole.toml", &["-q"], "meets no light"),
         ("good.toml", &["--png", "x.png"], "cannot have --png"),
         ("good.toml", &["--frames", "0..2"], "cannot have --frames"),
@@ -181,4 +181,51 @@ fn mistakes_in_a_scan_are_explained() {
         fails(here, &[&["render", file, "-o", "x.npy"], arguments].concat(), 2, part);
         assert_eq!(names(here), before, "{file} {arguments:?}");
     }
+}
+
+/// The beams of a LiDAR know what they hit first: the records of `--aov` beside the array.
+#[test]
+fn a_lidar_has_layers_of_its_beams() {
+    let here = folder();
+    let here = here.path();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here, arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["generate", "hidden-letter", "-o", "letter.glb"]);
+    // Straight towards the wall z = 0, and away from it.
+    let beams = |forward: &str| {
+        format!(
+            "scene = 'letter.glb'\n[scan]\nlaser = [0.5, 0.25, 0.9]\ndivergence = 0.5\npixel-fov = 0.5\nends = 'included'\n\
+             points = {{ forward = {forward}, azimuth = [0, 10], elevation = [0, 5], count = [2, 1] }}\n\
+             [gate]\ngates = '1m..3m/5'\nforce = true\n[render]\nmax-depth = 2\nspp = 4\n"
+        )
+    };
+    std::fs::write(here.join("wall.toml"), beams("[0, 0, -1]")).unwrap();
+    run(&["render", "wall.toml", "-o", "w.npy", "--aov", "depth,normal,object", "-q"]);
+    let about = description(here, "w.json");
+    assert_eq!(about["aov"], serde_json::json!(["range", "normal", "object_id"]));
+    let bytes = std::fs::read(here.join("w.aov.npy")).unwrap();
+    let records = &bytes[bytes.len() - 40..];
+    let word = |at: usize| <[u8; 4]>::try_from(&records[4 * at..4 * at + 4]).unwrap();
+    let number = |at: usize| f64::from(f32::from_le_bytes(word(at)));
+    // A single row is in the middle: 2.5 degrees up. The second beam goes 10 degrees to the right.
+    let along = |azimuth: f64| 0.9 / (azimuth.to_radians().cos() * 2.5f64.to_radians().cos());
+    for (beam, azimuth) in [(0, 0.0), (5, 10.0)] {
+        assert!((number(beam) - along(azimuth)).abs() < 1e-4, "{} {}", number(beam), along(azimuth));
+        assert_eq!([1, 2, 3].map(|k| number(beam + k)), [0.0, 0.0, 1.0]);
+        let name = &about["objects"][u32::from_le_bytes(word(beam + 4)).to_string()];
+        assert_eq!(name, "wall", "{about}");
+    }
+
+    // A later scan without layers leaves none behind. No message speaks of images, in which scans have no layers.
+    run(&["render", "wall.toml", "-o", "w.npy", "-q"]);
+    assert!(!here.join("w.aov.npy").exists() && description(here, "w.json")["aov"].is_null());
+    fails(
+        here,
+        &["render", "wall.toml", "-o", "w.npy", "--aov", "arrival"],
+        2,
+        "its histograms show when light arrives",
+    );
+    fails(here, &["render", "wall.toml", "-o", "w.exr", "--aov", "depth"], 2, "a scan is one array: write -o OUT.npy");
 }

@@ -1,15 +1,19 @@
 //! Scanning sensors: pixels that look at points of a wall, in the light that a laser spot on the wall sends around a corner.
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 use glam::DVec3;
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::stage::{add, diffuse, light, material};
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::scan_table::Scan;
 use taugate::internals::render::{PreparedScene, Renderer};
-use taugate::internals::scene::{Aim, Camera, LightKind, Projection, Scene};
+use taugate::internals::scan::{Measurement, PreparedScan};
+use taugate::internals::scene::{Aim, Camera, LightKind, Medium, Projection, Scene};
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::settings::{Estimator, Responses, Settings};
+use taugate::internals::settings::{Budget, Estimator, Responses, Settings};
 
 use super::cells::{Cells, device, renderer, settings, threshold};
 
@@ -199,6 +203,50 @@ fn a_gate_that_begins_at_0_keeps_the_direct_return() {
             let first = omitted.responses().map_or_else(|| omitted.film().mean(), |film| film.mean(0));
             let lost = truth.iter().zip(&first).filter(|(a, b)| (*a - *b).abs() > 1e-3 * **a).count() / 3;
             assert_eq!(lost, 0, "{estimator}, {} gates: {lost} of 64 pixels lose light", settings.responses().len());
+        }
+    }
+}
+
+/// A LiDAR of 4 x 3 beams in front of a wall: the light that comes straight back.
+const BEAMS: &str = "[scan]\nlaser = [0.1, 0.2, 0.9]\ndivergence = 4\npixel-fov = 4\n\
+                     points = {forward = [0, 0, -1], azimuth = [-30, 30], elevation = [-20, 20], count = [4, 3]}";
+
+/// The beams of a LiDAR share a render. Each has the bits of a render of its own, also in fog, in one gate and in many.
+#[test]
+fn beams_that_share_a_render_have_the_bits_of_single_beams() {
+    let scan = Experiment::parse(BEAMS).unwrap().scan.unwrap().scan().unwrap();
+    let fog = Medium { sigma_s: [0.1; 3], sigma_a: [0.01; 3], ..Medium::default() };
+    let many: Responses = Gates::new(Gate { lo: 1.0, hi: 8.0 }, 20).unwrap().into();
+    let one: Responses = Gate { lo: 1.5, hi: 8.0 }.into();
+    for (media, responses) in [(vec![], many.clone()), (vec![], one), (vec![fog], many)] {
+        for estimator in [Estimator::Lcs, Estimator::Bdpt] {
+            let mut scene = scene(LIT, &[LIT], |_| 0.0);
+            (scene.lights, scene.cameras, scene.media) = (vec![scan.light(0)], vec![scan.camera(0)], media.clone());
+            let settings = settings(estimator, [1, 1]).max_depth(2).seed(7).budget(Budget::Spp(64));
+            let settings = settings.responses(responses.clone()).build().unwrap();
+            let prepared = PreparedScan::new(&scan, scene.clone(), &settings).unwrap();
+            let mut measurement = Measurement::new(&device(), &scan, prepared, true).unwrap();
+            assert!(measurement.step(&Arc::default()).unwrap() && measurement.is_whole(), "one render has all beams");
+            let together = measurement.into_film().into_arrays(&scan);
+
+            let single = |number: usize, seed: u32| {
+                let mut scene = scene.clone();
+                (scene.lights[0], scene.cameras[0]) = (scan.light(number), scan.camera(number));
+                let settings = settings.change().seed(seed).build().unwrap();
+                let mut renderer = renderer(&scene, &settings);
+                (0..4).for_each(|_| renderer.iterate(16).unwrap());
+                let all = renderer.responses().map_or(renderer.film().mean(), |film| film.means_of(0).collect());
+                all.chunks_exact(3).map(|rgb| rgb.iter().sum::<f32>() * (1.0 / 3.0)).collect::<Vec<f32>>()
+            };
+            for number in 0..12 {
+                let beam: Vec<f32> = together.means.iter().skip(number).step_by(12).copied().collect();
+                assert!(beam.iter().any(|&x| x > 0.0), "beam {number} is dark");
+                let seed = Scan::seed(7, number);
+                assert_eq!(beam, single(number, seed), "{estimator}, beam {number}");
+                // Negative controls: another seed, and the next beam.
+                assert_ne!(beam, single(number, seed + 1));
+                assert_ne!(beam, single((number + 1) % 12, seed));
+            }
         }
     }
 }

@@ -223,6 +223,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("light_vertex_tau", Test("estimators/responses.rs", "every_gate_agrees_with_the_closed_form")),
     ("target_function", Test("estimators/sphere.rs", "resampled_queries_agree_with_the_closed_form")),
     ("total_power", Test("parity/importance.rs", "leaves_come_up_with_the_probability_they_report")),
+    ("pixel_seed", Caller("sensor_sample")),
     ("sensor_sample", Test("estimators/determinism.rs", "a_crop_is_a_part_of_the_whole_image")),
     ("samples_of_pixel", Test("estimators/determinism.rs", "a_crop_is_a_part_of_the_whole_image")),
     ("random_vertices", Test("parity/weights.rs", "weights_of_a_path_sum_to_one")),

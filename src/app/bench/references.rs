@@ -56,7 +56,8 @@ pub fn make(
         let prepared = job.prepare(&bench.suite, scene)?;
         for (name, best) in wanted {
             let limit = args.reference_time.map_or(TIME_LIMIT_FACTOR * bench.suite.seconds, |time| time.0);
-            let target = ReferenceTarget { seconds: bench.suite.seconds, limit, best };
+            let estimator = args.reference_estimator;
+            let target = ReferenceTarget { seconds: bench.suite.seconds, estimator, limit, best };
             let sharing: Vec<&Entry> = job.entries.iter().filter(|entry| entry.reference == name).collect();
             let path = bench.references.join(name);
             let mut watch = |done: f64, what: &str| {

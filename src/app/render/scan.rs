@@ -1,24 +1,24 @@
-//! `taugate render` of an experiment with `[scan]`: one render per point of the laser, on one renderer.
+//! `taugate render` of an experiment with `[scan]`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::npy_file::{description_path, variance_path};
 use taugate::internals::image::scan_file::ScanFilm;
+use taugate::internals::image::scan_layers::layers_path;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve;
-use taugate::internals::input::scan_table::{Scan, ScanTable};
+use taugate::internals::input::scan_table::ScanTable;
 use taugate::internals::input::scenery;
-use taugate::internals::render::schedule::scan_samples;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, check_aimed_points};
-use taugate::internals::scene::Scene;
+use taugate::internals::render::MemoryPlan;
+use taugate::internals::scan::{Measurement, PreparedScan};
+use taugate::internals::settings::Sampling;
+use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::table::OutputTable;
-use taugate::internals::settings::{Budget, Sampling, Settings};
 use taugate::{Error, ErrorKind};
 
 use super::super::interrupts::Interrupt;
@@ -64,68 +64,62 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     )?;
 
     // Prepare the device.
-    let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, &settings));
-    let mut prepared = prepared.map_err(|error| with_scene_path(error, &scene_path))?;
+    let ready = preparation.timed("build BVH and tables", || PreparedScan::new(&scan, scene, &settings));
+    let ready = ready.map_err(|error| with_scene_path(error, &scene_path))?;
     let at = |point| (scan.light(point), scan.camera(point));
-    let missing = || prepared.missing_in_scan(&scene, &settings, scan.laser_points.len(), at);
+    let missing = || ready.prepared.missing_in_scan(&ready.scene, &settings, scan.laser_points.len(), at);
     let missing = preparation.timed("check lamps", missing);
     let warning = missing.as_ref().map(|(_, missing)| missing.describe());
-    for warning in prepared.scene_warnings(&scene, &settings).into_iter().chain(warning) {
+    for warning in ready.prepared.scene_warnings(&ready.scene, &settings).into_iter().chain(warning) {
         session.say(format!("warning: {warning}"));
     }
     let device = preparation.timed("open device", || Device::open(experiment.render.device.as_deref()))?;
-    MemoryPlan::new(&scene, &settings, &prepared, Some(device.info()))?.check(device.info())?;
-    if !scan.accounts_first_and_last {
-        preparation.timed("check points", || check_points(&device, &scene, &settings, &scan))?;
-    }
-    let mut renderer = Renderer::from_prepared(&device, &scene, &settings, &prepared)?;
-    if has_variance {
-        renderer.estimate_response_variance();
-    }
-    let laser = scene.lights.len() - 1;
+    MemoryPlan::new(&ready.scene, &ready.settings, &ready.prepared, Some(device.info()))?.check(device.info())?;
+    preparation.timed("check points", || ready.check_points(&device, &scan))?;
+    let mut measurement = Measurement::new(&device, &scan, ready, has_variance)?;
     preparation.finish();
 
     // Measure.
     session.interrupts.end_the_process_at(Interrupt::Second);
     let strict = experiment.render.strict.unwrap_or(false);
-    let mut film = ScanFilm::new(&scan, settings.responses().len(), has_variance);
     let count = scan.laser_points.len();
-    let (mut measured, mut samples) = (0, 0);
     let mut failure = None;
     let started = Instant::now();
-    while measured < count {
-        scene.lights[laser] = scan.light(measured);
-        let turned = turn(&mut renderer, &mut prepared, &scene, &settings, &scan, measured);
-        let result = turned.map_err(anyhow::Error::from);
-        match result.and_then(|()| measure(&mut renderer, &settings, count, strict, session)) {
+    while !measurement.is_whole() {
+        match measurement.step(&session.interrupts.stop) {
             Ok(true) => {}
             Ok(false) => break,
-            Err(error) => match error.downcast::<Error>()? {
-                error if error.kind() == ErrorKind::Device && measured > 0 => {
-                    failure = Some(error);
-                    break;
-                }
-                error => return Err(error.into()),
-            },
+            Err(error) if error.kind() == ErrorKind::Device && measurement.measured() > 0 => {
+                failure = Some(error);
+                break;
+            }
+            Err(error) => return Err(error.into()),
         }
-        film.set(measured, renderer.film(), renderer.responses());
-        (measured, samples) = (measured + 1, renderer.film().samples());
-        let rays_so_far = renderer.stats().rays();
+        let (measured, stats) = (measurement.measured(), measurement.renderer().stats());
+        if strict && stats.dropped > 0 {
+            return Err(NotFinite { dropped: stats.dropped }.into());
+        }
+        let (samples, rays_so_far) = (measurement.samples(), stats.rays());
         let position = Position { samples, elapsed: started.elapsed(), rays: rays_so_far, before: Before::default() };
         session.progress.show(measured as f64 / count as f64, || {
             format!("point {measured} of {count}, {}", rays(position.rays_per_second()))
         });
     }
     session.progress.finish();
+    let (measured, samples, film) = (measurement.measured(), measurement.samples(), measurement.film());
     if measured == 0 {
         session.progress.line("interrupted before the first point of the laser was measured; nothing was written");
         return Ok(Outcome::Interrupted.code());
     }
     if measured == count && film.is_black() && !experiment.gate.force.unwrap_or(false) {
-        let point = missing.map_or(0, |(point, _)| point);
-        (scene.lights[laser], scene.cameras[settings.camera()]) = (scan.light(point), scan.camera(point));
-        return Err(feasible::nothing_inside(&device, &scene, &settings).into());
+        let mut turned = measurement.scene().0.clone();
+        let (laser, camera) = at(missing.map_or(0, |(point, _)| point));
+        *turned.lights.last_mut().expect("the laser is the last light") = laser;
+        turned.cameras[settings.camera()] = camera;
+        return Err(feasible::nothing_inside(&device, &turned, &settings).into());
     }
+
+    let layers = (outputs.aov != Aov::default()).then(|| measurement.layers(&device, outputs.aov)).transpose()?;
 
     // Write.
     session.interrupts.end_the_process_at(Interrupt::None);
@@ -136,14 +130,17 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     rescue.write(&description, |path| match path == description && !is_in_place {
         // Another array may still lie beside it. The description goes where the scan is.
         true => Err(Error::settings("the scan could not be written")),
-        false => film.write_description(path, table, &scan, measured, samples, &provenance),
+        false => film.write_description(path, table, &scan, measured, samples, layers.as_ref(), &provenance),
     });
     if has_variance {
         rescue.write(&variance_path(&path), |path| film.write_variances(path, &scan));
     }
+    if let Some(layers) = &layers {
+        rescue.write(&layers_path(&path), |path| layers.write(path));
+    }
     rescue.finish()?;
     let is_whole = measured == count;
-    if let Some(warning) = dropped(renderer.stats().dropped) {
+    if let Some(warning) = dropped(measurement.renderer().stats().dropped) {
         session.progress.line(&format!("warning: {warning}"));
     }
     session.progress.line(&format!(
@@ -165,22 +162,6 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     }
 }
 
-/// Prepares the renderer for point `number` of the laser. The last light of `scene` is the laser at that point.
-fn turn(
-    renderer: &mut Renderer,
-    prepared: &mut PreparedScene,
-    scene: &Scene,
-    settings: &Settings,
-    scan: &Scan,
-    number: usize,
-) -> Result<()> {
-    if !prepared.follow(scene, settings)? || !renderer.set_camera(&scan.camera(number))? {
-        unreachable!("laser and sensor keep their places, and turn");
-    }
-    renderer.set_lights(prepared, settings)?;
-    renderer.restart(Scan::seed(settings.seed(), number), settings.responses().clone())
-}
-
 /// The file of the array that the scan writes. Fails if the user wants other files.
 fn output(experiment: &Experiment) -> Result<PathBuf> {
     let OutputTable { output, checkpoint, resume, shard, .. } = &experiment.output;
@@ -195,42 +176,4 @@ fn output(experiment: &Experiment) -> Result<PathBuf> {
         [file] if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) => Ok(file.clone()),
         _ => Err(Error::Settings("a scan is one array: write -o OUT.npy".into())),
     }
-}
-
-/// Renders one point of the laser. Returns false if an interrupt ended the render of the point early.
-fn measure(
-    renderer: &mut Renderer,
-    settings: &Settings,
-    points: usize,
-    strict: bool,
-    session: &mut Session,
-) -> anyhow::Result<bool> {
-    let budget = match settings.budget() {
-        Budget::Seconds(seconds) => Budget::Seconds(seconds / points as f64),
-        budget => budget,
-    };
-    let started = Instant::now();
-    loop {
-        let (film, elapsed): (_, Duration) = (renderer.film(), started.elapsed());
-        let samples = scan_samples(&budget, film.width(), film.samples(), elapsed);
-        if samples == 0 {
-            return Ok(true);
-        }
-        if session.interrupts.stop.load(Ordering::Relaxed) {
-            return Ok(false);
-        }
-        renderer.iterate(samples)?;
-        let dropped = renderer.stats().dropped;
-        if strict && dropped > 0 {
-            return Err(NotFinite { dropped }.into());
-        }
-    }
-}
-
-/// Fails if a point does not lie on the surface that the laser or the sensor sees in its direction. The travel times would then be
-/// those of another point.
-fn check_points(device: &Device, scene: &Scene, settings: &Settings, scan: &Scan) -> Result<()> {
-    let sensor_points = scan.sensor_points.as_ref().unwrap_or(&scan.laser_points);
-    check_aimed_points(device, scene, settings, "sensor", &Scan::camera_at(scan.sensor, sensor_points))?;
-    check_aimed_points(device, scene, settings, "laser", &Scan::camera_at(scan.laser, &scan.laser_points))
 }

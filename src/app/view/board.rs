@@ -24,6 +24,8 @@ const TOPICS: usize = Topic::Arrivals as usize + 1;
 pub struct Surfaces {
     /// Length of the camera ray in metres per pixel of the whole image, row-major; 0 without a surface.
     pub depth: Vec<f32>,
+    /// Unit normal per pixel of the whole image, row-major, on the side of the camera; 0 without a surface.
+    pub normal: Vec<[f32; 3]>,
     /// Index into `names` of the object per pixel of the whole image, row-major; [`Surfaces::NOTHING`] without a surface.
     pub object: Vec<u32>,
     pub names: Vec<String>,
@@ -93,9 +95,9 @@ impl Board {
         self.publish(|newest, number| newest.picture = Some((number, Arc::new(picture))));
     }
 
-    /// Keeps the surfaces. Does not notify pages: they need surfaces only when they ask for a pixel.
+    /// Keeps the surfaces. Pages that wait for depths or normals get their picture.
     pub fn surfaces(&self, surfaces: Surfaces) {
-        self.lock().surfaces = Some(Arc::new(surfaces));
+        self.publish(|newest, _| newest.surfaces = Some(Arc::new(surfaces)));
     }
 
     /// Number of publications so far.

@@ -327,16 +327,22 @@ impl Client<'_> {
             return Ok(());
         }
         let Some((number, picture)) = self.shared.board.newest_picture() else { return Ok(()) };
-        let shown = (number, self.layer, self.response);
+        let (surfaces, full) = self.shared.board.newest_surfaces();
+        let is_of_surfaces = matches!(self.layer, Layer::Depth | Layer::Normal);
+        // Until the surfaces are known, the page sees the radiance.
+        let layer = if is_of_surfaces && surfaces.is_none() { Layer::Mean } else { self.layer };
+        let shown = (number, layer, self.response);
         if self.shown == Some(shown) {
             return Ok(());
         }
         // The page must know the settings of the picture before the picture.
         self.send_texts().await?;
         self.frame = self.frame.wrapping_add(1);
-        let (frame, layer, response) = (self.frame, self.layer, self.response);
+        let (frame, response) = (self.frame, self.response);
         // Encoding a large picture takes some milliseconds. Do it on another thread, so that other pages need not wait.
-        let message = tokio::task::spawn_blocking(move || picture.encode(frame, layer, response)).await;
+        let message =
+            tokio::task::spawn_blocking(move || picture.encode(frame, layer, response, (surfaces.as_deref(), full)))
+                .await;
         let Ok(message) = message else { return Err(End::Gone) };
         let bytes = message.len();
         if bytes > LARGE {

@@ -58,20 +58,21 @@ impl Engine {
         }
     }
 
-    /// Finds depth and object of every pixel.
+    /// Finds depth, normal and object of every pixel.
     pub(super) fn find_surfaces(&mut self) {
         self.work.has_surfaces = true;
         let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
         let [width, height] = settings.resolution();
         let pixels = width as usize * height as usize;
-        let (mut depth, mut object) = (vec![0.0; pixels], vec![Surfaces::NOTHING; pixels]);
+        let (mut depth, mut normal) = (vec![0.0; pixels], vec![[0.0; 3]; pixels]);
+        let mut object = vec![Surfaces::NOTHING; pixels];
         let prepared = &self.work.renderers.as_ref().expect("the scene is prepared").prepared;
         let found = first_surfaces(&self.device, scene, settings, prepared, &mut |pixel, surface| {
-            (depth[pixel], object[pixel]) = (surface.distance, surface.instance);
+            (depth[pixel], normal[pixel], object[pixel]) = (surface.distance, surface.normal, surface.instance);
         });
         if found.is_ok() {
             let names = scene.instances.iter().map(|instance| instance.node.clone()).collect();
-            self.board.surfaces(Surfaces { depth, object, names });
+            self.board.surfaces(Surfaces { depth, normal, object, names });
         }
     }
 }

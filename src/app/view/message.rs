@@ -67,6 +67,10 @@ pub enum Layer {
     Mean,
     /// The standard error of the luminance, relative to the luminance.
     Error,
+    /// The length of the camera ray. As long as it is not known, the picture shows the radiance.
+    Depth,
+    /// The normals of the surfaces, as for [`Layer::Depth`].
+    Normal,
 }
 
 /// A message of the server.

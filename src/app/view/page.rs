@@ -17,10 +17,11 @@ macro_rules! files {
     ($($name:literal),* $(,)?) => { [$(($name, include_str!(concat!("page/", $name)))),*] };
 }
 
-const FILES: [(&str, &str); 27] = files![
+const FILES: [(&str, &str); 28] = files![
     "index.html",
     "camera.js",
     "colours.js",
+    "compare.js",
     "display.js",
     "dom.js",
     "frame.js",

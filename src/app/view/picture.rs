@@ -7,6 +7,7 @@ use half::slice::HalfFloatSliceExt;
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::render::{Renderer, luminance};
 
+use super::board::Surfaces;
 use super::message::Layer;
 
 /// Bytes of the header in front of the pixels.
@@ -121,17 +122,34 @@ impl Picture {
     ///
     /// * "TGP1", `frame`, revision, width, height;
     /// * response, or [`SUM`] if the picture shows the sum of several responses;
-    /// * layer (8 bits: 0 radiance, 1 relative error) and 24 bits 0;
+    /// * layer (8 bits: 0 radiance, 1 relative error, 2 depth, 3 normals) and 24 bits 0;
     /// * samples per pixel, scale (f32), number of responses.
-    pub fn encode(&self, frame: u32, layer: Layer, response: u32) -> Vec<u8> {
-        let errors;
-        let values = match layer {
-            Layer::Mean => self.shown(response),
-            Layer::Error => {
-                errors = self.relative_error();
-                &errors
+    ///
+    /// Depths and normals come from `surfaces`, whose image has `full` pixels. Depths are in metres, in all three channels. Normals are
+    /// linear values that look like (normal + 1) / 2 after the sRGB curve. Without surfaces, the picture shows the radiance.
+    pub fn encode(
+        &self,
+        frame: u32,
+        layer: Layer,
+        response: u32,
+        (surfaces, full): (Option<&Surfaces>, [u32; 2]),
+    ) -> Vec<u8> {
+        match (layer, surfaces) {
+            (Layer::Error, _) => self.message(frame, self.size, layer, response, &self.relative_error()),
+            (Layer::Depth, Some(surfaces)) => {
+                let depths: Vec<f32> = surfaces.depth.iter().flat_map(|&depth| [depth; 3]).collect();
+                self.message(frame, full, layer, response, &depths)
             }
-        };
+            (Layer::Normal, Some(surfaces)) => {
+                let colours: Vec<f32> = surfaces.normal.iter().flat_map(colour_of_normal).collect();
+                self.message(frame, full, layer, response, &colours)
+            }
+            _ => self.message(frame, self.size, Layer::Mean, response, self.shown(response)),
+        }
+    }
+
+    /// The message with these values.
+    fn message(&self, frame: u32, size: [u32; 2], layer: Layer, response: u32, values: &[f32]) -> Vec<u8> {
         let largest = values.iter().copied().fold(0.0f32, f32::max);
         let scale = if largest > 0.0 { (largest / LARGEST_HALF).max(f32::MIN_POSITIVE) } else { 1.0 };
         let scaled: Vec<f32> = values.iter().map(|value| value / scale).collect();
@@ -141,7 +159,7 @@ impl Picture {
         let mut message = Vec::with_capacity(HEADER + 2 * halves.len());
         message.extend(b"TGP1");
         let response = self.response_shown(layer, response);
-        let words = [frame, self.revision, self.size[0], self.size[1], response, u32::from(layer == Layer::Error)];
+        let words = [frame, self.revision, size[0], size[1], response, layer as u32];
         words.into_iter().for_each(|word| message.extend(word.to_le_bytes()));
         message.extend(u32::try_from(self.samples).unwrap_or(u32::MAX).to_le_bytes());
         message.extend(scale.to_le_bytes());
@@ -163,9 +181,21 @@ impl Picture {
     }
 }
 
+/// The linear colour that shows a normal; black without a surface.
+fn colour_of_normal(normal: &[f32; 3]) -> [f32; 3] {
+    let linear = |shown: f32| if shown <= 0.04045 { shown / 12.92 } else { ((shown + 0.055) / 1.055).powf(2.4) };
+    match normal {
+        [0.0, 0.0, 0.0] => [0.0; 3],
+        _ => normal.map(|x| linear((0.5 * (x + 1.0)).clamp(0.0, 1.0))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Before the surfaces are known.
+    const UNKNOWN: (Option<&Surfaces>, [u32; 2]) = (None, [2, 1]);
 
     fn picture() -> Picture {
         Picture {
@@ -187,7 +217,7 @@ mod tests {
     #[test]
     fn dark_pictures_keep_their_digits() {
         let picture = picture();
-        let message = picture.encode(3, Layer::Mean, 0);
+        let message = picture.encode(3, Layer::Mean, 0, UNKNOWN);
         assert_eq!(&message[..4], b"TGP1");
         assert_eq!([4, 8, 12, 16, 20, 24, 28, 36].map(|at| word(&message, at)), [3, 7, 2, 1, 0, 0, 5, 1]);
         let scale = f32::from_bits(word(&message, 32));
@@ -202,7 +232,7 @@ mod tests {
     #[test]
     fn black_and_tiny_pictures_are_finite() {
         for value in [0.0, f32::MIN_POSITIVE, 1e-45, f32::MAX] {
-            let message = Picture { mean: vec![value; 6], ..picture() }.encode(0, Layer::Mean, 0);
+            let message = Picture { mean: vec![value; 6], ..picture() }.encode(0, Layer::Mean, 0, UNKNOWN);
             let scale = f32::from_bits(word(&message, 32));
             let half = f16::from_le_bytes(message[HEADER..HEADER + 2].try_into().unwrap());
             assert!(scale > 0.0 && (half.to_f32() * scale).is_finite(), "{value}");
@@ -211,7 +241,7 @@ mod tests {
 
     #[test]
     fn errors_are_relative() {
-        let message = picture().encode(0, Layer::Error, 0);
+        let message = picture().encode(0, Layer::Error, 0, UNKNOWN);
         let scale = f32::from_bits(word(&message, 32));
         let error = f16::from_le_bytes(message[HEADER..HEADER + 2].try_into().unwrap()).to_f32() * scale;
         let expected = (1e-10 / luminance([1e-9, 2e-9, 3e-9])) as f32;
@@ -220,6 +250,33 @@ mod tests {
         let even = Picture { mean: vec![1.0; 6], variance: vec![0.1; 6], ..picture() };
         assert!((even.relmse().unwrap() - 0.1 / 1.0001).abs() < 1e-8);
         assert_eq!(Picture { variance: vec![], ..picture() }.relmse(), None);
+    }
+
+    #[test]
+    fn depths_and_normals_are_those_of_the_surfaces() {
+        let surfaces = Surfaces {
+            depth: vec![4.0, 0.0, 2.0],
+            normal: vec![[0.0, 0.0, 1.0], [0.0; 3], [-1.0, 0.0, 0.0]],
+            object: vec![0, Surfaces::NOTHING, 0],
+            names: vec!["wall".into()],
+        };
+        let of = |layer, surfaces| {
+            let message = picture().encode(0, layer, 0, (surfaces, [3, 1]));
+            let scale = f32::from_bits(word(&message, 32));
+            let halves = message[HEADER..].as_chunks::<2>().0;
+            let values: Vec<f32> = halves.iter().map(|half| f16::from_le_bytes(*half).to_f32() * scale).collect();
+            ([word(&message, 12), word(&message, 24)], values)
+        };
+        let close = |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3);
+        let (header, depths) = of(Layer::Depth, Some(&surfaces));
+        assert_eq!(header, [3, 2]);
+        assert!(close(&depths, &[4.0, 4.0, 4.0, 0.0, 0.0, 0.0, 2.0, 2.0, 2.0]), "{depths:?}");
+        let (header, normals) = of(Layer::Normal, Some(&surfaces));
+        // sRGB 0.5 is 0.2140 in linear light.
+        let half = 0.2140;
+        assert_eq!(header, [3, 3]);
+        assert!(close(&normals, &[half, half, 1.0, 0.0, 0.0, 0.0, 0.0, half, half]), "{normals:?}");
+        assert_eq!(of(Layer::Depth, None).0, [2, 0], "without surfaces, the picture shows the radiance");
     }
 
     #[test]
@@ -242,7 +299,7 @@ mod tests {
         picture.count = 3;
         assert_eq!(picture.shown(1), [6.0, 7.0, 8.0, 9.0, 10.0, 11.0]);
         assert_eq!(picture.shown(3), &picture.mean[..], "there is no fourth response");
-        let response = |layer, response| word(&picture.encode(0, layer, response), 20);
+        let response = |layer, response| word(&picture.encode(0, layer, response, UNKNOWN), 20);
         assert_eq!([response(Layer::Mean, 1), response(Layer::Mean, 3), response(Layer::Error, 1)], [1, SUM, SUM]);
         let histogram = picture.histogram(3).unwrap();
         assert_eq!((histogram.len(), histogram[1]), (3, luminance([9.0, 10.0, 11.0]) as f32));

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::image::npy_file;
+use crate::image::scan_layers::layers_path;
 use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
 use crate::settings::aov::Aov;
@@ -23,8 +24,10 @@ pub struct Outputs {
     pub variance: bool,
     /// Whether the array is of a continuous-wave sensor. Then its depths are written too.
     pub depth: bool,
-    /// Auxiliary layers of the image file.
+    /// Auxiliary layers of the image file; of a scan, in a file beside its array.
     pub aov: Aov,
+    /// Whether the array is that of a scan.
+    pub is_scan: bool,
     pub png: Option<PathBuf>,
     /// Exposure of the picture `png`.
     pub exposure: Exposure,
@@ -52,6 +55,7 @@ impl Outputs {
             files.push(npy_file::description_path(npy));
             files.extend(self.variance.then(|| npy_file::variance_path(npy)));
             files.extend(self.depth.then(|| npy_file::depth_path(npy)));
+            files.extend((self.is_scan && self.aov != Aov::default()).then(|| layers_path(npy)));
         }
         files.extend([&self.png, &self.stats].into_iter().flatten().cloned());
         files.extend(self.checkpoint.iter().map(|(path, _)| path.clone()));
@@ -125,7 +129,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         ));
     }
     let aov = wanted.aov.unwrap_or_default();
-    if aov != Aov::default() && exr.is_none() && !keeps_sums {
+    let is_scan = experiment.scan.is_some();
+    if aov != Aov::default() && exr.is_none() && !keeps_sums && !is_scan {
         return Err(Error::settings("--aov adds layers to an image file or to sums: add -o OUT.exr or -o OUT.acc"));
     }
     let png = match &wanted.png {
@@ -161,7 +166,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     }
     let exposure = wanted.exposure.unwrap_or_default();
     // A scan is no image of depths.
-    let depth = experiment.gate.cw.is_some() && experiment.scan.is_none();
+    let depth = experiment.gate.cw.is_some() && !is_scan;
     let keeps_variance = keeps_sums && (variance || count <= MAX_EXR_RESPONSES);
     let outputs = Outputs {
         exr,
@@ -170,6 +175,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         variance,
         depth,
         aov,
+        is_scan,
         png,
         exposure,
         stats,

@@ -5,6 +5,7 @@ use crate::input::experiment::Experiment;
 use crate::input::scan_table::{LASER, SENSOR, ScanTable};
 use crate::scene::Scene;
 use crate::settings::Emitters;
+use crate::settings::aov::Aov;
 use crate::settings::values::Resolution;
 
 /// Adds the laser and the sensor of `table` to the scene, aimed at their first points, and selects them in `experiment`.
@@ -23,13 +24,14 @@ pub(super) fn apply(table: &ScanTable, experiment: &mut Experiment, scene: &mut 
 fn check(experiment: &Experiment) -> Result<()> {
     let output = &experiment.output;
     let has_lights = !experiment.light.is_empty() || experiment.emitter != Default::default();
+    let has_arrival = output.aov.is_some_and(|aov| aov.arrival && aov != Aov::ALL);
     let given = [
         ("a camera", experiment.camera != Default::default(), "the sensor of [scan] is the camera"),
         ("lights", has_lights, "the laser of [scan] is the only light"),
         ("--frames", output.frames.is_some(), "render the scans of a sequence one by one, with --at"),
         ("--fps", output.fps.is_some(), "it is a single moment, which --at chooses"),
         ("--gate-keys", experiment.gate.gate_keys.is_some(), "give it gates with --gates"),
-        ("--aov", output.aov.is_some(), "a scan has no image"),
+        ("--aov arrival", has_arrival, "its histograms show when light arrives"),
         ("--png", output.png.is_some(), "a scan has no image"),
         ("--gif", output.gif.is_some(), "a scan has no image"),
         ("--contact-sheet", output.contact_sheet.is_some(), "a scan has no image"),

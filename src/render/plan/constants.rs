@@ -22,6 +22,7 @@ impl Plan {
             ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
             ("HAS_AIMS", switch(self.aims > 0)),
+            ("HAS_OWN_LASERS", switch(self.has_own_lasers)),
             ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),

@@ -79,7 +79,7 @@ function table(polynomial) {
 }
 
 /** Colour maps by layer. */
-export const MAPS = { mean: table(VIRIDIS), error: table(INFERNO) };
+export const MAPS = { mean: table(VIRIDIS), error: table(INFERNO), depth: table(VIRIDIS), normal: table(VIRIDIS) };
 
 /** Position (0 to 1) of a value on a logarithmic scale; less than 0 if the value is not positive. */
 export function placeOnScale(value, [low, high]) {

@@ -13,14 +13,18 @@ const NEAR = 12;
 /** `onChange` is called when the picture must be drawn again, `onLayer` when another layer is wanted. */
 export function makeDisplay({ onChange, onLayer }) {
   const settings = { stops: 0, range: [1e-3, 1], auto: true };
+  let latest = null; // The picture that is shown.
   let layer = 'mean'; // The layer of the picture that is shown. The layer that the user chose may not have arrived yet.
   let revision = -1;
   let middle = 0; // Of the slider.
 
-  const isFalse = () => layer === 'error' || chosen('tone') === 'false';
-  const range = () => (layer === 'error' ? ERROR_RANGE : settings.range);
+  let depths = [1, 10]; // Scale of the depths, which is always automatic.
+
+  const isFalse = (of = layer) => of === 'error' || of === 'depth' || (of === 'mean' && chosen('tone') === 'false');
+  const range = () => ({ error: ERROR_RANGE, depth: depths }[layer] ?? settings.range);
 
   function follow(frame) {
+    if (frame.layer === 'depth') depths = automatic(frame)?.range ?? depths;
     const found = frame.layer === 'mean' && settings.auto ? automatic(frame) : null;
     if (!found) return;
     const far = Math.abs(found.stops - settings.stops) > STILL_STOPS
@@ -32,11 +36,11 @@ export function makeDisplay({ onChange, onLayer }) {
 
   function show() {
     const wanted = chosen('layer');
-    const falseColour = wanted === 'error' || chosen('tone') === 'false';
-    byId('tones').hidden = wanted === 'error';
-    byId('exposure').hidden = falseColour;
-    byId('range').hidden = !falseColour || wanted === 'error';
-    byId('auto-label').hidden = wanted === 'error';
+    const hasTone = wanted === 'mean';
+    byId('tones').hidden = !hasTone;
+    byId('exposure').hidden = !hasTone || isFalse(wanted);
+    byId('range').hidden = !hasTone || !isFalse(wanted);
+    byId('auto-label').hidden = !hasTone;
     byId('auto').checked = settings.auto;
     if (Math.abs(settings.stops - middle) > (settings.auto ? NEAR : REACH)) middle = Math.round(settings.stops);
     const slider = byId('stops-slider');
@@ -71,8 +75,8 @@ export function makeDisplay({ onChange, onLayer }) {
       label.style.left = `${100 * place}%`;
       return label;
     }));
-    byId('legend-title').textContent = layer === 'error'
-      ? 'Standard error / radiance (luminance)' : 'Radiance in W/(m² sr) (luminance)';
+    byId('legend-title').textContent = layer === 'error' ? 'Standard error / radiance (luminance)'
+      : layer === 'depth' ? 'Distance from the camera in m' : `${latest?.isDifference ? 'Difference' : 'Radiance'} in W/(m² sr) (luminance)`;
   }
 
   function change(by) {
@@ -100,7 +104,6 @@ export function makeDisplay({ onChange, onLayer }) {
   onChoice('tone', () => change(() => {}));
   onChoice('layer', wanted => change(() => onLayer(wanted)));
 
-  let latest = null;
   show();
   return {
     show,
@@ -115,7 +118,7 @@ export function makeDisplay({ onChange, onLayer }) {
     /** What a painter needs to know about colours. */
     mapping(frame) {
       const falseColour = isFalse();
-      return { falseColour, range: range(), factor: frame.scale * (falseColour ? 1 : 2 ** settings.stops) };
+      return { falseColour, range: range(), factor: frame.scale * (falseColour || layer === 'normal' ? 1 : 2 ** settings.stops) };
     },
     useLayer(wanted) {
       choose('layer', wanted);

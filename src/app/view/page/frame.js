@@ -1,7 +1,7 @@
 // Pictures as the server sends them: a header, then half floats.
 
 const HEADER = 40;
-export const LAYERS = ['mean', 'error'];
+export const LAYERS = ['mean', 'error', 'depth', 'normal'];
 /** The response of a picture that shows the sum of many gates. */
 const SUM = 0xffffffff;
 
@@ -35,6 +35,14 @@ export const HALF = (() => {
   }
   return table;
 })();
+
+/** The bits of the half float nearest to a value from 0 to 32768. */
+export function toHalf(value) {
+  if (!(value >= 2 ** -14)) return value > 0 ? Math.round(value * 2 ** 24) : 0;
+  const exponent = Math.floor(Math.log2(value));
+  // Rounding up may carry into the exponent, as it should.
+  return ((exponent + 15) << 10) + Math.round((value / 2 ** exponent - 1) * 1024);
+}
 
 /** Red, green and blue at a point of the picture, given as fractions of its width and height. */
 export function valueAt(frame, u, v) {

@@ -84,7 +84,7 @@ export function makeGate(link, { onBin, onProblem }) {
     const bin = model.bins[model.bin];
     const many = model.bins.length > 1 && bin;
     byId('gate-text').textContent = many && isSum ? `The picture shows the sum of all ${count} gates.`
-      : many ? `${bin.name} (${model.bin + 1} of ${count}): ${describeGate(bin.lo, bin.hi ?? Infinity)}`
+      : many ? `${bin.name} of ${model.bins[0].name} to ${model.bins[count - 1].name}: ${describeGate(bin.lo, bin.hi ?? Infinity)}`
       : mode === 'steady' ? 'All travel times (steady state). Drag on the time line to set a gate.' : describeGate(lo, hi);
     if (mode === 'gate') about = middle(lo, hi);
     timeline.draw();

@@ -1,5 +1,6 @@
 // The picture on the stage: painter, zoom, pixel grid, and the marker of the held (selected) pixel.
 
+import { makeCompare } from './compare.js';
 import { byId, fitCanvas, onceAFrame } from './dom.js';
 import { makeGlPainter } from './picture_gl.js';
 import { make2dPainter } from './picture_2d.js';
@@ -21,31 +22,40 @@ export function makePicture({ display, without3d, onProblem }) {
   const stage = byId('stage');
   const { canvas, painter } = choosePainter(byId('picture'), without3d, () => draw());
   canvas.dataset.painter = painter.name;
-  let frame = null;
+  let frame = null; // The newest picture.
+  let shown = null; // What is shown: this picture, or a comparison with an earlier one.
   let held = null;
+  const compare = makeCompare({ latest: () => frame, onChange: () => { if (frame) paint(); } });
 
   const draw = onceAFrame(() => {
     const { zoom, left, top, image } = view.now;
     const ratio = window.devicePixelRatio || 1;
-    if (frame) {
+    if (shown) {
       byId('zoom').textContent = `${Math.round(100 * zoom * ratio)} %`;
-      const isWhole = frame.width === image[0] && frame.height === image[1];
+      const isWhole = shown.width === image[0] && shown.height === image[1];
       painter.draw({
         // Pixels of the image begin at pixels of the screen.
         left: Math.round(left * ratio), top: Math.round(top * ratio), zoom: zoom * ratio, image, background: BACKGROUND,
         // A coarse picture has fewer pixels than the image: it is interpolated.
         smooth: !isWhole,
         grid: isWhole && zoom * ratio >= GRID_FROM ? GRID_OPACITY : 0,
-        ...display.mapping(frame),
+        ...display.mapping(shown),
       });
       // For those who watch the page from outside: what is on the screen.
-      Object.assign(canvas.dataset, { revision: frame.revision, samples: frame.samples, size: `${frame.width}x${frame.height}` });
-      canvas.dataset.layer = frame.layer;
-      canvas.dataset.response = frame.response;
+      Object.assign(canvas.dataset, { revision: shown.revision, samples: shown.samples, size: `${shown.width}x${shown.height}` });
+      canvas.dataset.layer = shown.layer;
+      canvas.dataset.response = shown.response;
     }
     drawMarker(zoom, left, top);
   });
   const view = makeView(draw);
+
+  function paint() {
+    shown = compare.apply(frame);
+    painter.upload(shown);
+    display.take(shown);
+    draw();
+  }
 
   function drawMarker(zoom, left, top) {
     const { context } = fitCanvas(byId('overlay'));
@@ -80,6 +90,8 @@ export function makePicture({ display, without3d, onProblem }) {
     view,
     draw,
     frame: () => frame,
+    /** The picture A, if it is compared with the newest one; else null. */
+    kept: () => compare.kept(frame),
     setResolution: resolution => measure(resolution),
     take(next) {
       if (!painter.takes(next)) {
@@ -87,9 +99,7 @@ export function makePicture({ display, without3d, onProblem }) {
         return;
       }
       frame = next;
-      painter.upload(next);
-      display.take(next);
-      draw();
+      paint();
     },
     hold(pixel) {
       held = pixel;

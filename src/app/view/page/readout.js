@@ -37,8 +37,12 @@ export function makeReadout(link, picture, { onHistogram }) {
     radiance.textContent = more.textContent = '';
     onHistogram(isThis ? answer.histogram : null);
     if (!at) return;
+    const { image } = picture.view.now;
+    const place = [0, 1].map(axis => (at[axis] + 0.5) / image[axis]);
+    const kept = picture.kept();
+    const of = kept ? 'B: ' : '';
     if (isThis) {
-      radiance.textContent = `${values(answer.radiance, answer.error)} W/(m² sr)`;
+      radiance.textContent = `${of}${values(answer.radiance, answer.error)} W/(m² sr)`;
       more.textContent = [
         `${short(answer.samples, 6)} samples`,
         answer.depth === null ? '' : `depth ${quantity(answer.depth)} m`,
@@ -46,9 +50,9 @@ export function makeReadout(link, picture, { onHistogram }) {
       ].filter(Boolean).join(' · ');
     } else if (frame?.layer === 'mean') {
       // The picture already gives the radiance; the answer of the program will give the rest.
-      const { image } = picture.view.now;
-      radiance.textContent = `${values(valueAt(frame, (at[0] + 0.5) / image[0], (at[1] + 0.5) / image[1]), null)} W/(m² sr)`;
+      radiance.textContent = `${of}${values(valueAt(frame, ...place), null)} W/(m² sr)`;
     }
+    if (kept?.layer === 'mean') more.textContent = [`A: ${values(valueAt(kept, ...place), null)}`, more.textContent].filter(Boolean).join(' · ');
   }
 
   function askAgain() {

@@ -1,0 +1,92 @@
+//! The auxiliary layers of a scan: what each beam, or each point of the sensor, meets first. A NumPy file of records.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use crate::error::Result;
+use crate::files::write_atomically;
+use crate::image::npy_file::header_of;
+use crate::settings::aov::Aov;
+
+/// The surface on the axis of a beam.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Hit {
+    /// Distance from the sensor in metres; 0 without a surface.
+    pub range: f32,
+    /// Unit normal in world space, on the side of the sensor.
+    pub normal: [f32; 3],
+    /// Base colour, linear.
+    pub albedo: [f32; 3],
+    /// Number of the node, as in the layer `object.ID` of an image; 0 without a surface.
+    pub object: u32,
+}
+
+/// The layers of a scan.
+pub struct ScanLayers {
+    /// The chosen layers. An arrival is not among them: the histograms contain it.
+    pub chosen: Aov,
+    /// One for each point of the sensor.
+    pub hits: Vec<Hit>,
+    /// Names of the nodes by number, of those that were hit.
+    pub objects: BTreeMap<u32, String>,
+}
+
+/// The layers beside the array `path` of a scan.
+pub fn layers_path(path: &Path) -> PathBuf {
+    path.with_extension("aov.npy")
+}
+
+impl ScanLayers {
+    /// Names of the fields of each record, in order.
+    pub fn fields(&self) -> Vec<&'static str> {
+        let Aov { depth, normal, albedo, object, .. } = self.chosen;
+        let all = [("range", depth), ("normal", normal), ("albedo", albedo), ("object_id", object)];
+        all.into_iter().filter_map(|(name, is_chosen)| is_chosen.then_some(name)).collect()
+    }
+
+    /// Writes the records, little-endian and without padding.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let kind = |name: &str| match name {
+            "range" => "'<f4'",
+            "object_id" => "'<u4'",
+            _ => "'<f4', (3,)",
+        };
+        let fields: Vec<String> = self.fields().into_iter().map(|name| format!("('{name}', {})", kind(name))).collect();
+        let Aov { depth, normal, albedo, object, .. } = self.chosen;
+        write_atomically(path, |writer| {
+            writer.write_all(&header_of(&format!("[{}]", fields.join(", ")), &[self.hits.len()]))?;
+            for hit in &self.hits {
+                let floats = |is_chosen: bool, values: &'_ [f32]| if is_chosen { values.to_vec() } else { vec![] };
+                let values = [floats(depth, &[hit.range]), floats(normal, &hit.normal), floats(albedo, &hit.albedo)];
+                values.concat().iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))?;
+                if object {
+                    writer.write_all(&hit.object.to_le_bytes())?;
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_have_the_chosen_fields() {
+        let hit = Hit { range: 2.5, normal: [0.0, 1.0, 0.0], albedo: [0.1; 3], object: 7 };
+        let chosen = "depth,object".parse().unwrap();
+        let layers = ScanLayers { chosen, hits: vec![hit, Hit::default()], objects: BTreeMap::new() };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scan.aov.npy");
+        layers.write(&path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let (header, records) = bytes.split_at(128);
+        let text = String::from_utf8_lossy(&header[10..]);
+        let descr = "{'descr': [('range', '<f4'), ('object_id', '<u4')], 'fortran_order': False, 'shape': (2,), }";
+        assert!(text.starts_with(descr), "{text}");
+        let wanted = [2.5f32.to_le_bytes(), 7u32.to_le_bytes(), [0; 4], [0; 4]].concat();
+        assert_eq!(records, wanted);
+    }
+}

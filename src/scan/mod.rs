@@ -1,0 +1,208 @@
+//! Measures scans, for the program and for Python. A scan consists of one render per point of the laser, all on one renderer. The beams
+//! of a LiDAR whose light comes straight back share renders instead: each pixel of an image is a beam. Every beam then has the random
+//! numbers of a render of its own.
+
+#![warn(missing_docs)]
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use crate::error::Result;
+use crate::gpu::Device;
+use crate::image::scan_file::ScanFilm;
+use crate::image::scan_layers::{Hit, ScanLayers};
+use crate::input::scan_table::Scan;
+use crate::render::schedule::scan_samples;
+use crate::render::{FirstSurface, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids};
+use crate::scene::Scene;
+use crate::settings::aov::Aov;
+use crate::settings::{Budget, Settings};
+
+/// Maximum number of segments of light that comes straight back to a LiDAR.
+const STRAIGHT_BACK: u32 = 2;
+/// Maximum number of beams that share a render. Light subpaths per iteration do not grow with the image up to this size.
+const MAX_BEAMS: usize = 4096;
+/// Target for the number of beams times the number of responses in a render, which limits the memory of its images.
+const MAX_VALUES: usize = 1 << 21;
+
+/// A scan and its scene, ready for a device.
+pub struct PreparedScan {
+    /// The scene. Its last light is the laser, and the camera of the settings is the sensor.
+    pub scene: Scene,
+    /// Settings of each render.
+    pub settings: Settings,
+    /// The scene, prepared for these settings.
+    pub prepared: PreparedScene,
+    /// Number of beams in each render, `None` if each point of the laser has a render of its own.
+    beams: Option<usize>,
+}
+
+impl PreparedScan {
+    /// `scene` contains the laser and the sensor of `scan`, and `settings` are those of one render per point of the laser. Fails as
+    /// [`PreparedScene::new`].
+    pub fn new(scan: &Scan, mut scene: Scene, settings: &Settings) -> Result<PreparedScan> {
+        let shares = scan.lights_what_it_sees() && settings.max_depth() <= STRAIGHT_BACK;
+        if !shares {
+            let prepared = PreparedScene::new(&scene, settings)?;
+            return Ok(PreparedScan { scene, settings: settings.clone(), prepared, beams: None });
+        }
+        let count = scan.laser_points.len();
+        let max = (MAX_VALUES / settings.responses().len()).clamp(1, MAX_BEAMS);
+        // Renders of nearly equal size, because the last one is filled up with copies of the last beam.
+        let beams = count.div_ceil(count.div_ceil(max));
+        let (camera, seeds) = scan.beams(0..beams, settings.seed());
+        scene.cameras[settings.camera()] = camera;
+        let settings = settings.change().resolution([beams as u32, 1]).crop(None).build()?;
+        let prepared = PreparedScene::new(&scene, &settings)?.with_own_lasers(&seeds);
+        Ok(PreparedScan { scene, settings, prepared, beams: Some(beams) })
+    }
+
+    /// Fails if a point of the scan must lie on a surface but does not, see [`check_aimed_points`].
+    pub fn check_points(&self, device: &Device, scan: &Scan) -> Result<()> {
+        if scan.accounts_first_and_last {
+            return Ok(());
+        }
+        let seen = scan.sensor_points.as_ref().unwrap_or(&scan.laser_points);
+        for (who, place, points) in [("sensor", scan.sensor, seen), ("laser", scan.laser, &scan.laser_points)] {
+            check_aimed_points(device, &self.scene, &self.settings, who, &Scan::camera_at(place, points))?;
+        }
+        Ok(())
+    }
+}
+
+/// A scan in progress.
+pub struct Measurement<'a> {
+    scan: &'a Scan,
+    of: PreparedScan,
+    renderer: Renderer,
+    film: ScanFilm,
+    measured: usize,
+    samples: u64,
+}
+
+impl<'a> Measurement<'a> {
+    /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`].
+    pub fn new(device: &Device, scan: &'a Scan, of: PreparedScan, has_variance: bool) -> Result<Measurement<'a>> {
+        let mut renderer = Renderer::from_prepared(device, &of.scene, &of.settings, &of.prepared)?;
+        if has_variance {
+            renderer.estimate_response_variance();
+        }
+        let film = ScanFilm::new(scan, of.settings.responses().len(), has_variance);
+        Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0 })
+    }
+
+    /// Number of points of the laser measured so far.
+    pub fn measured(&self) -> usize {
+        self.measured
+    }
+
+    /// Whether all points of the laser were measured.
+    pub fn is_whole(&self) -> bool {
+        self.measured == self.scan.laser_points.len()
+    }
+
+    /// Samples per pair of points, of the points measured last.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// The measurements so far.
+    pub fn film(&self) -> &ScanFilm {
+        &self.film
+    }
+
+    /// The renderer, for its statistics.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// What each point of the sensor shows on the axis of its line of sight. Fails if the device is lost.
+    pub fn layers(&self, device: &Device, chosen: Aov) -> Result<ScanLayers> {
+        let (scene, settings) = self.scene();
+        let points = self.scan.sensor_points.as_ref().unwrap_or(&self.scan.laser_points);
+        let ids = object_ids(scene);
+        let mut hits = vec![Hit::default(); points.len()];
+        let mut objects = BTreeMap::new();
+        let camera = Scan::camera_at(self.scan.sensor, points);
+        aimed_surfaces(device, scene, settings, &camera, &mut |point, surface| {
+            let FirstSurface { distance, normal, albedo, instance, .. } = surface;
+            let object = ids[instance as usize];
+            hits[point] = Hit { range: distance, normal, albedo, object };
+            objects.entry(object).or_insert_with(|| scene.instances[instance as usize].node.clone());
+        })?;
+        Ok(ScanLayers { chosen: Aov { arrival: false, ..chosen }, hits, objects })
+    }
+
+    /// The scene and the settings of the renders.
+    pub fn scene(&self) -> (&Scene, &Settings) {
+        (&self.of.scene, &self.of.settings)
+    }
+
+    /// The measurements, for Python.
+    pub fn into_film(self) -> ScanFilm {
+        self.film
+    }
+
+    /// Measures the next point of the laser, or the next beams that share a render. Returns false if `stop` became true before; these
+    /// points then stay without a measurement. Fails if the device is lost.
+    pub fn step(&mut self, stop: &Arc<AtomicBool>) -> Result<bool> {
+        let count = self.scan.laser_points.len();
+        let points = self.measured..(self.measured + self.of.beams.unwrap_or(1)).min(count);
+        match self.of.beams {
+            Some(beams) => self.turn_beams(points.start..points.start + beams)?,
+            None => self.turn(points.start)?,
+        }
+        if !self.render(points.len(), stop)? {
+            return Ok(false);
+        }
+        let pairs = self.scan.sensor_count();
+        let first = points.start * pairs;
+        self.film.set(first, points.len() * pairs, self.renderer.film(), self.renderer.responses());
+        (self.measured, self.samples) = (points.end, self.renderer.film().samples());
+        Ok(true)
+    }
+
+    /// Turns laser and sensor to point `number` of the laser.
+    fn turn(&mut self, number: usize) -> Result<()> {
+        let PreparedScan { scene, settings, prepared, .. } = &mut self.of;
+        let laser = scene.lights.len() - 1;
+        scene.lights[laser] = self.scan.light(number);
+        if !prepared.follow(scene, settings)? || !self.renderer.set_camera(&self.scan.camera(number))? {
+            unreachable!("laser and sensor keep their places, and turn");
+        }
+        self.renderer.set_lights(prepared, settings)?;
+        self.renderer.restart(Scan::seed(settings.seed(), number), settings.responses().clone())
+    }
+
+    /// Turns all beams of the next render.
+    fn turn_beams(&mut self, beams: Range<usize>) -> Result<()> {
+        let (camera, seeds) = self.scan.beams(beams, self.of.settings.seed());
+        match self.renderer.set_beams(&camera, &seeds)? {
+            true => Ok(()),
+            false => unreachable!("the sensor keeps its place, and turns"),
+        }
+    }
+
+    /// Renders `points` points of the laser. Returns false if `stop` ended the render early.
+    fn render(&mut self, points: usize, stop: &Arc<AtomicBool>) -> Result<bool> {
+        let share = points as f64 / self.scan.laser_points.len() as f64;
+        let (budget, together) = match self.of.settings.budget() {
+            Budget::Seconds(seconds) => (Budget::Seconds(seconds * share), self.renderer.film().width()),
+            // The length of the iterations decides the last bits, so it does not depend on how many beams share a render.
+            budget => (budget, self.scan.sensor_count() as u32),
+        };
+        let started = Instant::now();
+        loop {
+            let samples = scan_samples(&budget, together, self.renderer.film().samples(), started.elapsed());
+            if samples == 0 {
+                return Ok(true);
+            }
+            if stop.load(Ordering::Relaxed) || !self.renderer.iterate_unless(samples, stop)? {
+                return Ok(false);
+            }
+        }
+    }
+}
