@@ -47,7 +47,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         flight = vec3<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, sensor.seed), flight.z);
     }
     if (HAS_SHEETS && depth == 1u) {
-        sheet_numbers = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_SHEET, frame.seed);
+        sheet_numbers = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_SHEET, sensor.seed);
     }
     let arrival = advance(&s, false, true, key, flight);
     // Whether light vertices may be connected to events on the segment.
