@@ -58,7 +58,7 @@ fn structs_are_read_back_as_they_were_written() {
     }
     same::<Triangle>(&TRIANGLE, "triangles", |_| ());
     same::<InstanceNormals>(&INSTANCE, "instances", |i| (i.pad0, i.pad1, i.pad2) = (0.0, 0.0, 0.0));
-    same::<Material>(&MATERIAL, "materials", |m| m.pad = 0);
+    same::<Material>(&MATERIAL, "materials", |m| m.pad = 0.0);
     same::<TextureInfo>(&TEXTURE, "textures", |_| ());
     same::<Emitter>(&EMITTER, "emitters", |_| ());
     same::<PathVertex>(&LIGHT_VERTEX, "light_vertices", |_| ());
