@@ -103,3 +103,44 @@ def test_pixels_have_values_and_errors():
         page.until("!document.getElementById('legend').hidden")
         assert largest_difference(page.screen(), radiance) > 50
         page.says_nothing()
+
+
+def shows(page, layer):
+    page.click(f"[value={layer}]")
+    page.until(f"document.getElementById('picture').dataset.layer === '{layer}'")
+    return page.screen().astype(int)
+
+
+def test_depths_normals_and_an_earlier_picture_are_shown():
+    with view("--gate", "6.2m..6.5m") as viewer, visit(viewer.url) as page:
+        page.picture_after(0, 8)
+        page.until("document.getElementById('relmse').textContent !== '–'")
+        page.pause()
+        # The back wall of the box faces +z, towards the camera; the floor faces +y.
+        normals = shows(page, "normal")
+        assert np.abs(normals[SIZE // 4, SIZE // 2] - [128, 128, 255]).max() <= 3, normals[SIZE // 4, SIZE // 2]
+        assert np.abs(normals[-2, SIZE // 2] - [128, 255, 128]).max() <= 3, normals[-2, SIZE // 2]
+        # In viridis, far surfaces are yellow and near ones are violet.
+        depths = shows(page, "depth")
+        wall, floor = depths[SIZE // 4, SIZE // 2], depths[-1, SIZE // 2]
+        assert wall[0] > wall[2] and floor[2] > floor[0], f"{wall} {floor}"
+
+        # A is the picture of the first gate, B that of another one. They differ, and each is shown again.
+        first = shows(page, "mean")
+        page.click("#keep")
+        page.enter("#gate-from", "7")
+        page.until("document.getElementById('picture').dataset.revision > 1")
+        page.click("#auto")
+        second = page.screen().astype(int)
+        page.click("[name=compare][value=a]")
+        a = page.screen().astype(int)
+        assert np.abs(a - second).max() > 30
+        page.click("[name=compare][value=difference]")
+        difference = page.screen().astype(int)
+        page.click("[name=compare][value=b]")
+        assert np.abs(page.screen().astype(int) - second).max() == 0
+        # Where one of the two is black, the difference is the other one.
+        alone = (second.max(axis=2) == 0) & (a.max(axis=2) > 0)
+        assert alone.any() and np.abs(difference - a)[alone].max() <= 1
+        assert first.shape == a.shape
+        page.says_nothing()
