@@ -90,7 +90,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
         measured: 0,
         samples: 0,
     };
-    let (ended, failure) = watched(progress, |steps, stop| measuring.run(&mut renderer, &steps, stop));
+    let (ended, failure) = watched(progress, |steps, stop| measuring.run(&mut renderer, &steps, stop))?;
     let interrupt = early_end(ended, failure, &device, measuring.measured > 0)?;
     let Measuring { film, measured, samples, .. } = measuring;
     let is_whole = measured == scan.laser_points.len();

@@ -31,12 +31,14 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use taugate::internals::printable::escaped;
+use taugate::internals::threads::start_pool;
 
 use crate::app::cli::{Cli, Command};
 
 pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     #[cfg(unix)]
     interrupts::outlive_size_limits()?;
+    start_pool()?;
     match cli.command {
         Command::Render(args) => render::run(*args),
         Command::View(args) => view::run(*args),

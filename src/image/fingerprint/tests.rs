@@ -4,7 +4,7 @@ use super::sources::{DECIDE, digest};
 use super::*;
 
 /// Code that does not affect an image with given settings, or whose effect the fingerprint of the settings covers.
-const ELSEWHERE: [&str; 14] = [
+const ELSEWHERE: [&str; 15] = [
     "app",
     "bench",
     "compare",
@@ -19,6 +19,7 @@ const ELSEWHERE: [&str; 14] = [
     "printable.rs",
     "self_check",
     "tev",
+    "threads.rs",
 ];
 
 fn root() -> &'static Path {
