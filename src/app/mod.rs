@@ -5,6 +5,7 @@ mod bench;
 mod check;
 pub mod cli;
 mod compare;
+mod compiling;
 mod detect;
 mod devices;
 mod feasible;
@@ -23,6 +24,7 @@ mod progress;
 pub mod render;
 mod report;
 mod rescue;
+mod sheet;
 mod strategies;
 mod view;
 
