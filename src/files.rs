@@ -7,6 +7,8 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::NamedTempFile;
+
 use crate::error::{Error, Result};
 pub use lock::Lock;
 pub use temporary::{folder as temporary_folder, remove_left_over};
@@ -17,6 +19,19 @@ const MAX_LINKS: usize = 40;
 /// Writes a temporary file in the same folder, flushes it to disk and renames it to `path`. A symbolic link stays: the file that
 /// it leads to is replaced or created. After an error the temporary file is removed, and an old file at `path` is unchanged.
 pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
+    stage(path, write)?.publish()
+}
+
+/// A whole file that lies on disk under a temporary name. It is removed if it is dropped.
+pub struct Staged {
+    path: PathBuf,
+    /// The file that [`Staged::publish`] creates or replaces.
+    target: PathBuf,
+    temporary: NamedTempFile,
+}
+
+/// Writes a temporary file in the folder of `path` and flushes it to disk. `path` does not change yet.
+pub fn stage(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<Staged> {
     let target = checked_target(path)?;
     let fail = |e: io::Error| write_error(path, &target, e);
     let temporary = temporary::file(&target).map_err(fail)?;
@@ -24,12 +39,31 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) ->
     let mut writer = BufWriter::new(temporary.as_file().try_clone().map_err(fail)?);
     write(&mut writer).map_err(fail)?;
     writer.into_inner().map_err(|e| fail(e.into_error()))?.sync_all().map_err(fail)?;
-    temporary.persist(&target).map_err(|e| fail(e.error))?;
+    Ok(Staged { path: path.into(), target, temporary })
+}
 
-    // The rename is safe on disk after the folder is flushed. Some file systems cannot flush a folder; the file is complete
-    // without it, so errors are ignored.
-    let _ = File::open(folder_of(&target)).and_then(|folder| folder.sync_all());
-    Ok(())
+impl Staged {
+    /// Renames the file to its path.
+    pub fn publish(self) -> Result<()> {
+        let Staged { path, target, temporary } = self;
+        temporary.persist(&target).map_err(|e| write_error(&path, &target, e.error))?;
+
+        // The rename is safe on disk after the folder is flushed. Some file systems cannot flush a folder; the file is complete
+        // without it, so errors are ignored.
+        let _ = File::open(folder_of(&target)).and_then(|folder| folder.sync_all());
+        Ok(())
+    }
+}
+
+/// Removes the plain file `path`, or the file that its symbolic links lead to; the links stay. A missing file is no error.
+pub fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(target(path)?) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            let message = format!("belongs to an earlier array, but cannot be removed: {error}; remove it");
+            Err(Error::io(path, message, error))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Fails if [`write_atomically`] would fail: missing folder, no permission, full disk, or no plain file. Also removes the
@@ -98,6 +132,10 @@ fn write_error(path: &Path, target: &Path, error: io::Error) -> Error {
     let folder = folder_of(target);
     let folder = folder.display();
     let message = match error.kind() {
+        // Folders of the kernel, such as /proc, take no files.
+        ErrorKind::NotFound if folder_of(target).is_dir() => {
+            format!("cannot be written: the folder {folder} takes no new files; choose another folder")
+        }
         ErrorKind::NotFound | ErrorKind::NotADirectory => {
             format!("cannot be written: the folder {folder} does not exist; create it or choose another name")
         }
@@ -176,6 +214,11 @@ mod tests {
         assert!(long.contains("choose another"), "{long}");
         #[cfg(target_os = "linux")]
         assert!(check_writable(Path::new("/dev/full")).unwrap_err().to_string().contains("not a plain file"));
+        #[cfg(target_os = "linux")]
+        {
+            let message = check_writable(Path::new("/proc/x.exr")).unwrap_err().to_string();
+            assert!(message.contains("the folder /proc takes no new files"), "{message}");
+        }
     }
 
     #[test]

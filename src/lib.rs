@@ -58,6 +58,7 @@ mod self_check;
 mod settings;
 #[allow(missing_docs)]
 mod tev;
+mod threads;
 #[allow(missing_docs)]
 mod wgsl;
 
@@ -93,6 +94,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
     }
 }

@@ -9,6 +9,9 @@ use serde_json::Value;
 /// most of the wall time.
 const SLACK_SECONDS: f64 = 0.02;
 
+/// Number of renders of which one must be explained.
+const ATTEMPTS: usize = 20;
+
 /// Whether the stages without "unexplained" add up to `wall`: at most 5 % and the slack below, at most the clock error above.
 fn explain(stages: &[(String, f64)], wall: f64) -> bool {
     let sum: f64 = stages.iter().filter(|(name, _)| name != "unexplained").map(|(_, seconds)| seconds).sum();
@@ -35,14 +38,25 @@ fn render(folder: &Path, estimator: &str) -> Value {
     serde_json::from_slice(&std::fs::read(folder.join("s.json")).unwrap()).unwrap()
 }
 
+/// The two lists of stages in the statistics of a render: the key of their wall time, and their own key.
+const LISTS: [(&str, &str); 2] = [("render_seconds", "stages"), ("prepare_seconds", "prepare_stages")];
+
+/// Renders until the stages explain the wall time. On a busy machine, other programs may suspend a thread between two stages, so a
+/// render may fail. A stage that nobody measures is missing in all of them.
+fn render_that_is_explained(folder: &Path, estimator: &str) -> Value {
+    let is_explained =
+        |stats: &Value| LISTS.iter().all(|(wall, list)| explain(&stages(&stats[list]), stats[wall].as_f64().unwrap()));
+    let mut renders = (0..ATTEMPTS).map(|_| render(folder, estimator));
+    renders.find(is_explained).unwrap_or_else(|| panic!("{estimator}: {ATTEMPTS} renders have unexplained time"))
+}
+
 #[test]
 fn stages_explain_the_wall_time() {
     let folder = tempfile::tempdir().unwrap();
     for estimator in ["lcs-paper", "lcs", "bdpt", "pt"] {
-        let stats = render(folder.path(), estimator);
-        for (wall, list) in [("render_seconds", "stages"), ("prepare_seconds", "prepare_stages")] {
+        let stats = render_that_is_explained(folder.path(), estimator);
+        for (wall, list) in LISTS {
             let (wall, stages) = (stats[wall].as_f64().unwrap(), stages(&stats[list]));
-            assert!(explain(&stages, wall), "{estimator}: {wall} s: {stages:?}");
             assert_eq!(stages.last().unwrap().0, "unexplained");
             let all: f64 = stages.iter().map(|(_, seconds)| seconds).sum();
             assert!((all - wall).abs() < 1e-9, "all stages together take {all} s, not {wall} s");

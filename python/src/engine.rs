@@ -17,6 +17,7 @@ use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers, mi
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::{Budget, Settings};
+use taugate::internals::threads::{spawn_scoped, start_pool};
 
 use crate::errors::{Failure, Result};
 use crate::shared::ready::Ready;
@@ -37,10 +38,11 @@ pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Fails in a process that was forked from one that has used the module. Threads do not survive a fork, neither those of the driver nor
-/// those that share work among cores, so work would wait for them for ever. Each function that works with threads calls this first.
+/// those that share work among cores, so work would wait for them for ever. Also fails if the system allows no more threads. Each
+/// function that works with threads calls this first.
 pub fn check_process() -> Result<()> {
     if *PROCESS.get_or_init(std::process::id) == std::process::id() {
-        return Ok(());
+        return Ok(start_pool()?);
     }
     Err(taugate::Error::Device(
         "this process was forked from one that has used taugate; start processes with multiprocessing.get_context('spawn')".into(),
@@ -155,15 +157,15 @@ pub struct Step {
 
 /// Runs `work` in a thread of its own. The calling thread passes the newest step to `progress`, and asks Python for interrupts. If
 /// `progress` or Python raises an exception, the calling thread sets the flag that `work` gets, and waits for `work` to end. Returns
-/// the result of `work` and the exception.
+/// the result of `work` and the exception. Fails if the thread cannot be started.
 pub fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(Sender<Step>, &Arc<AtomicBool>) -> T + Send,
-) -> (T, Option<PyErr>) {
+) -> Result<(T, Option<PyErr>)> {
     let stop = Arc::new(AtomicBool::new(false));
     let (sender, receiver) = channel();
     thread::scope(|scope| {
-        let worker = scope.spawn(|| work(sender, &stop));
+        let worker = spawn_scoped(scope, "render", || work(sender, &stop))?;
         let mut failure = None;
         loop {
             let step = match receiver.recv_timeout(PATIENCE) {
@@ -189,7 +191,7 @@ pub fn watched<T: Send>(
             }
         }
         let result = worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        (result, failure)
+        Ok((result, failure))
     })
 }
 
@@ -232,7 +234,7 @@ pub fn iterate(
             // `watched` keeps the receiver until this thread ends, so this cannot fail.
             let _ = steps.send(step);
         })
-    });
+    })?;
     let end = early_end(ended, failure, renderer.device(), renderer.film().iterations() > 0)?;
     Ok((seconds(), end))
 }

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::named::excluding;
+use taugate::internals::settings::missing;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 use crate::errors::{Result, settings};
@@ -80,6 +81,12 @@ pub fn flags(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         dict.set_item(setting.name, (form, bare, setting.help.trim()))?;
     }
     Ok(dict)
+}
+
+/// Why there is no setting `name` (with dashes), and what to do instead; `None` for names that no other renderer has.
+#[pyfunction]
+pub fn reason_of_missing(name: &str) -> Option<&'static str> {
+    missing::reason(name)
 }
 
 struct List(Vec<&'static Setting>);

@@ -75,16 +75,8 @@ impl Image {
                 png_file::write(path, film.width(), film.height(), &mean, factor)?;
             }
             "npy" => {
-                let stale = npy_file::stale_arrays(path);
-                npy_file::write_description(&npy_file::description_path(path), film, responses, provenance)?;
-                npy_file::write_means(path, film, responses)?;
-                npy_file::remove_stale(&stale)?;
-                if let Some((images, frequencies)) = responses.zip(self.responses.frequencies()) {
-                    npy_file::write_depths(&npy_file::depth_path(path), film, images, frequencies)?;
-                }
-                if responses.is_none_or(ResponseFilm::has_variance) {
-                    npy_file::write_variances(&npy_file::variance_path(path), film, responses)?;
-                }
+                let has_variance = responses.is_none_or(ResponseFilm::has_variance);
+                npy_file::write(path, film, responses, provenance, has_variance)?;
             }
             "acc" if self.sums.about.scene.is_empty() => {
                 return Err(settings(
@@ -285,6 +277,13 @@ impl Image {
     #[getter]
     fn mean(&self) -> (f64, Option<f64>) {
         self.film().image_mean()
+    }
+
+    /// The JSON that `save` writes beside an array.
+    fn description(&self) -> PyResult<String> {
+        let provenance = self.provenance();
+        let description = npy_file::description(self.film(), self.images(), &provenance);
+        serde_json::to_string(&description).map_err(|e| settings(format!("the image cannot be described: {e}")).into())
     }
 
     /// Writes a file, and the files that the command line writes beside it. `exposure` in stops is for pictures.

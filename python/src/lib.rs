@@ -2,6 +2,7 @@
 
 mod arrays;
 mod camera;
+mod detect;
 mod engine;
 mod errors;
 mod flags;
@@ -22,6 +23,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<image::Image>()?;
     module.add_class::<camera::View>()?;
     module.add_function(wrap_pyfunction!(scan::scan, module)?)?;
+    module.add_function(wrap_pyfunction!(detect::detect, module)?)?;
+    module.add_function(wrap_pyfunction!(scan::write_scan, module)?)?;
+    module.add_function(wrap_pyfunction!(scan::check_scan, module)?)?;
     module.add_class::<sums::Sums>()?;
     module.add_function(wrap_pyfunction!(sums::check_parts, module)?)?;
     module.add_function(wrap_pyfunction!(sums::accumulate, module)?)?;
@@ -30,5 +34,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sums::seconds, module)?)?;
     module.add_function(wrap_pyfunction!(sums::part, module)?)?;
     module.add_function(wrap_pyfunction!(sums::samples_before_iteration, module)?)?;
+    module.add_function(wrap_pyfunction!(flags::reason_of_missing, module)?)?;
     module.add_function(wrap_pyfunction!(flags::flags, module)?)
 }

@@ -1,11 +1,15 @@
 //! Scans.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
 use std::time::Instant;
 
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use serde_json::Value;
+use taugate::internals::image::array_set::{self, ArraySet, Role};
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::scan_file::{ScanArrays, ScanFilm};
 use taugate::internals::render::MemoryPlan;
@@ -41,6 +45,37 @@ pub fn scan<'py>(
         PyResult::Ok((array(py, means, &shape)?, description, variances))
     });
     Ok((arrays.transpose()?, shown(&warnings), interrupt))
+}
+
+/// Writes the array of a scan, its variances and its description (JSON) as the command line does: all of them or none.
+#[pyfunction]
+#[pyo3(signature = (path, data, variance, description))]
+pub fn write_scan(
+    py: Python<'_>,
+    path: PathBuf,
+    data: PyReadonlyArrayDyn<'_, f32>,
+    variance: Option<PyReadonlyArrayDyn<'_, f32>>,
+    description: &str,
+) -> PyResult<()> {
+    let mut about: Value = serde_json::from_str(description)
+        .map_err(|e| PyErr::from(mistake(format!("the description is no JSON: {e}"))))?;
+    let object = about.as_object_mut().ok_or_else(|| PyErr::from(mistake("the description must be a dict")))?;
+    // The record of a scan that was loaded is that of the earlier files.
+    object.remove("files");
+    let mut set = ArraySet::new(&path);
+    for (role, array) in [(Role::Array, Some(data)), (Role::Variance, variance)] {
+        let Some(array) = array else { continue };
+        set.add(role, array.shape(), array.as_array().iter().copied()).map_err(Failure::from)?;
+    }
+    Ok(py.detach(|| set.publish(&about)).map_err(Failure::from)?)
+}
+
+/// Fails if the array `path`, or an array beside it, is not the one that the JSON file describes. Returns the path of the variances, if
+/// there are any.
+#[pyfunction]
+pub fn check_scan(py: Python<'_>, path: PathBuf) -> PyResult<Option<PathBuf>> {
+    py.detach(|| array_set::check_files(&path)).map_err(Failure::from)?;
+    Ok(array_set::beside(&path, Role::Variance))
 }
 
 struct Measured {
@@ -80,7 +115,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
 
     let strict = experiment.render.strict.unwrap_or(false);
     let (started, count) = (Instant::now(), scan.laser_points.len());
-    let (ended, failure) = watched(progress, |steps, stop| measure(&mut measurement, count, strict, &steps, stop));
+    let (ended, failure) = watched(progress, |steps, stop| measure(&mut measurement, count, strict, &steps, stop))?;
     let interrupt = early_end(ended, failure, &device, measurement.measured() > 0)?;
     let (measured, samples, is_whole) = (measurement.measured(), measurement.samples(), measurement.is_whole());
     let dropped = measurement.renderer().stats().dropped;
@@ -96,7 +131,8 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     if measured > 0 {
         let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed.clone());
         let description = film.description(table, &scan, measured, samples, None, &provenance);
-        let description = description.map_err(|e| mistake(format!("the scan cannot be described: {e}")))?;
+        let description = serde_json::to_string_pretty(&description)
+            .map_err(|e| mistake(format!("the scan cannot be described: {e}")))?;
         arrays = Some((film.into_arrays(&scan), description));
     }
     let mut warnings = [&scene.warnings[..], &resolved.warnings, &of_scene].concat();

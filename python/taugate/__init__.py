@@ -8,6 +8,7 @@ Lengths and travel times are in metres; the speed of light is 1. Importing the m
 """
 
 from ._camera import Camera
+from ._detect import Counts, detect
 from ._errors import DeviceError, Error, FileError, Interrupted, NotFiniteError, SceneError, SettingsError
 from ._image import Histogram, Image
 from ._material import Material
@@ -21,6 +22,7 @@ from ._words import settings
 
 __all__ = [
     "Camera",
+    "Counts",
     "DeviceError",
     "Error",
     "FileError",
@@ -35,6 +37,7 @@ __all__ = [
     "SceneError",
     "SettingsError",
     "Texture",
+    "detect",
     "from_mitsuba",
     "histogram",
     "load",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import pathlib
@@ -36,35 +35,27 @@ class Scan:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scan:
-        """Reads the array ``path`` (.npy) that the program or :meth:`save` wrote, and its description (.json) beside it."""
+        """Reads the array ``path`` (.npy) that the program or :meth:`save` wrote, and its description (.json) beside it. Raises
+        :class:`FileError` if the two do not belong together."""
         path = pathlib.Path(path)
         description = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         if "laser_points" not in description:
             raise SettingsError(f"{path} is no scan, but an image")
-        data, of_variance = np.load(path), path.with_suffix(".variance.npy")
-        variance = np.load(of_variance) if of_variance.exists() else None
+        of_variance = _native.check_scan(path)
+        data, variance = np.load(path), np.load(of_variance) if of_variance else None
         if variance is not None and variance.shape != data.shape:
-            # The file is from an older scan of the same name.
+            # The file is from an older scan of the same name, by a version that recorded no check sums.
             variance = None
         return cls(data, description, variance)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the array (.npy), its description (.json), and its variances (.variance.npy). If there are no variances, an older file with
-        variances is removed."""
+        """Writes the array (.npy), its description (.json), and its variances (.variance.npy): all of them or none. If there are no
+        variances, those of an older scan are removed."""
         path = pathlib.Path(path)
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
-        variance = path.with_suffix(".variance.npy")
-        with contextlib.ExitStack() as files:
-            # The files replace the older ones in the reverse order: the array is the last.
-            _save(files.enter_context(writing(path)), self.data)
-            if self.variance is not None:
-                _save(files.enter_context(writing(variance)), self.variance)
-            description = files.enter_context(writing(path.with_suffix(".json")))
-            pathlib.Path(description).write_text(json.dumps(self.description, indent=2), encoding="utf-8")
-            if self.variance is None:
-                # The new array must not have the old variances.
-                variance.unlink(missing_ok=True)
+        arrays = [None if array is None else np.asarray(array, np.float32) for array in (self.data, self.variance)]
+        _native.write_scan(path, *arrays, json.dumps(self.description))
 
     @property
     def is_confocal(self) -> bool:
@@ -168,11 +159,6 @@ def scan(scene: AnyScene, *, progress: Optional[Watcher] = None, **settings: Any
     if interrupt is not None:
         raise early_end(interrupt, result)
     return result
-
-
-def _save(path, array):
-    with open(path, "xb") as file:
-        np.save(file, array)
 
 
 def _grid(points, grid):

@@ -36,6 +36,8 @@ def words(settings, call):
         if keyword not in FLAGS:
             near = difflib.get_close_matches(keyword, FLAGS, 1)
             hint = f"; did you mean {near[0]}?" if near else "; taugate.settings() lists them"
+            reason = _native.reason_of_missing(keyword.replace("_", "-"))
+            hint = f": {reason}" if reason else hint
             raise TypeError(f"{call}() has no setting '{keyword}'{hint}")
         flag, form, bare, _ = FLAGS[keyword]
         if keyword == "density_grid" and isinstance(value, np.ndarray):
@@ -83,6 +85,11 @@ def word(keyword, value):
 def _metres(value):
     """A length as text. Infinity has no unit, as on the command line."""
     return "inf" if value == float("inf") else _number(value) + "m"
+
+
+def span(value):
+    """A length of optical path or a time, as text: numbers are metres. ``None`` stays."""
+    return value if value is None or isinstance(value, str) else _metres(value)
 
 
 def _number(value):

@@ -1,7 +1,9 @@
 """What the tests share."""
 
+import os
 import signal
 import subprocess
+import threading
 
 import numpy as np
 import pytest
@@ -23,6 +25,19 @@ def interrupts():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def interrupting():
+    """A function for `progress` that sends Ctrl-C soon after its first call. So there is a first image, however busy the machine is."""
+    sent = []
+
+    def progress(_):
+        if not sent:
+            sent.append(threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)))
+            sent[0].start()
+
+    return progress
 
 
 @pytest.fixture(scope="session")

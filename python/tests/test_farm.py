@@ -130,7 +130,7 @@ def test_an_error_or_a_time_ends_a_render(cluster):
     assert f"spp = {image.samples}\n" in image.settings
     started = time.monotonic()
     image = farm.render(scene, client=cluster, time="1000ms", part_seconds=0.2)
-    assert image.samples > 0 and time.monotonic() - started < 20
+    assert image.samples > 0 and time.monotonic() - started < 60
 
 
 @pytest.mark.parametrize("settings", [dict(error=0.1), dict(time=1.0)])

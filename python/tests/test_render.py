@@ -4,7 +4,6 @@ import gc
 import json
 import os
 import pickle
-import signal
 import subprocess
 import sys
 import threading
@@ -258,26 +257,22 @@ def test_the_mean_is_that_of_the_pixels(box):
     assert np.isclose(mean, image.pixels.mean(dtype=float), rtol=1e-5) and 0 < error < mean
 
 
-def test_an_interrupt_keeps_the_image_so_far(box):
-    timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+def test_an_interrupt_keeps_the_image_so_far(box, interrupting):
     started = time.monotonic()
     with pytest.raises(taugate.Interrupted) as stopped:
-        taugate.render(box, time=60)
-    assert time.monotonic() - started < 10
+        taugate.render(box, time=3600, progress=interrupting)
+    assert time.monotonic() - started < 1800
     assert isinstance(stopped.value, KeyboardInterrupt)
     image = stopped.value.image
     assert image.samples > 0 and np.isfinite(image.pixels).all() and image.pixels.any()
 
 
-def test_an_interrupt_keeps_the_image_of_a_response(box, tmp_path):
+def test_an_interrupt_keeps_the_image_of_a_response(box, tmp_path, interrupting):
     table = tmp_path / "table.csv"
     table.write_text("tau_m,weight\n4,0\n6,1\n9,0\n")
-    taugate.render(box, response=f"a={table}", spp=1)
     # Iterations are long, so the interrupt comes within one.
-    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(taugate.Interrupted) as stopped:
-        taugate.render(box, response=f"a={table}", time=60, resolution=(256, 256))
+        taugate.render(box, response=f"a={table}", time=3600, resolution=(256, 256), progress=interrupting)
     image = stopped.value.image
     assert image.samples > 0 and image.pixels.any()
 

@@ -1,8 +1,10 @@
 """Scans: the same bits as the program, and files that tal opens."""
 
+import json
 import os
+import resource
 import signal
-import threading
+import zlib
 
 import numpy as np
 import pytest
@@ -53,12 +55,28 @@ def test_an_array_without_variances_leaves_no_older_variances(tmp_path):
     first = taugate.Scan(np.ones((3, 2), np.float32), description, np.full((3, 2), 0.5, np.float32))
     first.save(path)
     assert np.array_equal(taugate.Scan.load(path).variance, first.variance)
-    # A program that knows nothing of the variances writes another scan under this name.
-    np.save(path, np.ones((4, 2), np.float32))
-    assert taugate.Scan.load(path).variance is None
     taugate.Scan(2 * first.data, description).save(path)
     assert taugate.Scan.load(path).variance is None
     assert sorted(os.listdir(tmp_path)) == ["scan.json", "scan.npy"]
+
+
+def test_an_array_of_another_scan_is_refused(tmp_path):
+    path = tmp_path / "scan.npy"
+    scan = taugate.Scan(np.ones((3, 2), np.float32), {"laser_points": [[0, 0, 0]] * 2}, np.ones((3, 2), np.float32))
+    scan.save(path)
+    # What was loaded can be saved again.
+    taugate.Scan.load(path).save(path)
+    taugate.Scan.load(path)
+    # A program that knows nothing of the JSON file writes another array under this name.
+    np.save(path, np.ones((4, 2), np.float32))
+    with pytest.raises(taugate.FileError, match="does not belong to .*scan.json"):
+        taugate.Scan.load(path)
+    # Earlier versions recorded no check sums.
+    about = json.loads((tmp_path / "scan.json").read_text())
+    recorded = about.pop("files")
+    assert int(recorded["variance"]["crc32"], 16) == zlib.crc32((tmp_path / "scan.variance.npy").read_bytes())
+    (tmp_path / "scan.json").write_text(json.dumps(about))
+    assert taugate.Scan.load(path).variance is None
 
 
 def test_a_scan_that_cannot_be_written_leaves_the_older_files(tmp_path, monkeypatch):
@@ -73,18 +91,23 @@ def test_a_scan_that_cannot_be_written_leaves_the_older_files(tmp_path, monkeypa
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     other = taugate.Scan(np.zeros((3, 2), np.float32), {**description, "bin_width_opl": 2})
 
-    def half(file, *_):
-        (open(file, "wb") if isinstance(file, (str, os.PathLike)) else file).write(b"half")
-        raise OSError("no space left")
-
     def fail(*_):
         raise OSError("no space left")
 
-    monkeypatch.setattr(np, "save", half)
     monkeypatch.setattr(h5py.File, "__setitem__", fail)
-    for write, name in ((other.save, "scan.npy"), (other.to_tal, "scan.hdf5")):
-        with pytest.raises(OSError, match="no space left"):
-            write(tmp_path / name)
+    with pytest.raises(OSError, match="no space left"):
+        other.to_tal(tmp_path / "scan.hdf5")
+    # No file of the test may grow beyond the limit. Each file is smaller than it, so the JSON file is what fails.
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    large = taugate.Scan(other.data, {**other.description, "settings": "x" * 20_000})
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+        with pytest.raises(taugate.FileError, match="scan.json: cannot be written"):
+            large.save(tmp_path / "scan.npy")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
@@ -123,13 +146,12 @@ def test_tal_opens_a_scan_of_lists(tmp_path):
         assert np.allclose(file["laser_grid_xyz"], lasers) and np.allclose(file["sensor_grid_xyz"], sensors)
 
 
-def test_an_interrupted_scan_keeps_its_points(tmp_path):
+def test_an_interrupted_scan_keeps_its_points(tmp_path, interrupting):
     path = written(tmp_path, CONFOCAL)
     scene = taugate.load(path)
-    taugate.scan(scene, spp=1)
-    threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(taugate.Interrupted) as stopped:
-        taugate.scan(scene, time=6)
+        # Each of the six points takes 2 s.
+        taugate.scan(scene, time=12, progress=interrupting)
     scan = stopped.value.image
     assert np.isfinite(scan.data[:, 0]).all() and np.isnan(scan.data[:, -1]).all()
 

@@ -3,11 +3,13 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Args, Error, Parser, Subcommand};
 use taugate::Estimator;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::exposure::Exposure;
+use taugate::internals::settings::missing;
 use taugate::internals::settings::optical_path::OpticalPath;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
@@ -34,6 +36,19 @@ pub enum Command {
     Info(Box<InfoArgs>),
     Devices(DevicesArgs),
     Generate(GenerateArgs),
+}
+
+/// Prints the message of clap and ends the process. A flag that other renderers have gets the reason why it is missing.
+pub fn exit_with(error: &Error) -> ! {
+    let flag = match error.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(flag)) if error.kind() == ErrorKind::UnknownArgument => flag.trim_start_matches('-'),
+        _ => "",
+    };
+    if let Some(reason) = missing::reason(flag) {
+        crate::app::say(&format!("error: there is no flag --{flag}: {reason}"));
+        std::process::exit(error.exit_code());
+    }
+    error.exit()
 }
 
 const RENDER_EXAMPLES: &str = "\
@@ -178,7 +193,7 @@ pub struct DevelopArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Exit codes: 0 within the threshold and without a significant difference, 1 above the threshold or different, \
-                  2 error"
+                  2 error, or --z has too few samples to judge"
 )]
 pub struct CompareArgs {
     /// The image to judge (.exr), the array of a render with many gates (.npy), or the sums of either (.acc)
@@ -248,6 +263,14 @@ pub struct DetectArgs {
     /// The counts over all pulses, as an array with a JSON file beside it
     #[arg(short, long, value_name = "OUT.npy", help_heading = "Output")]
     pub output: PathBuf,
+
+    /// Also write a picture of the counts, the sum of all gates, next to the output or to FILE.png
+    #[arg(long, value_name = "FILE.png", help_heading = "Output", num_args = 0..=1)]
+    pub png: Option<Option<PathBuf>>,
+
+    /// Exposure of the picture: auto, or a number of stops [default: auto]
+    #[arg(long, value_name = "EV|auto", help_heading = "Output", allow_hyphen_values = true)]
+    pub exposure: Option<Exposure>,
 
     /// Photons that reach a pixel per pulse for each unit of the image, J/(m^2 sr)
     #[arg(long, value_name = "X", help_heading = "Detector", allow_hyphen_values = true)]
@@ -369,6 +392,7 @@ pub struct BenchArgs {
 const INFO_EXAMPLES: &str = "\
 Examples:
   taugate info room.glb
+  taugate info experiment.toml                         the same with its camera, media and gate
   taugate info room.glb --pixel 120,80                 what is there, and when its light arrives
   taugate info room.glb --resolution 256x256 --map arrival.png
   taugate info room.glb --plot arrivals.svg            when light arrives, to choose gates";
@@ -377,12 +401,12 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = INFO_EXAMPLES)]
 pub struct InfoArgs {
-    /// The scene (.glb, .gltf)
-    #[arg(value_name = "SCENE")]
-    pub scene: PathBuf,
+    /// The scene (.glb, .gltf), or an experiment (.toml), whose outputs do not matter here
+    #[arg(value_name = "SCENE|EXPERIMENT")]
+    pub input: PathBuf,
 
     #[command(flatten)]
-    flags: Flags<Info>,
+    pub flags: Flags<Info>,
 
     /// Name the object at the centre of this pixel (column and row of the whole image, from 0), and print when light arrives in
     /// the pixel alone
@@ -401,13 +425,6 @@ pub struct InfoArgs {
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     pub json: bool,
-}
-
-impl InfoArgs {
-    /// The scene and the flags as an experiment.
-    pub fn experiment(&self) -> Experiment {
-        Experiment { scene: Some(self.scene.clone()), ..self.flags.0.clone() }
-    }
 }
 
 /// List the Vulkan devices and their limits

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use taugate::Error;
-use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
+use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, Verdict, agreement, colours};
 use taugate::internals::compare::flip;
 use taugate::internals::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
 use taugate::internals::image::accumulation::file::read_about;
@@ -79,8 +79,12 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         }
         super::print(&(text + &verdict.as_ref().map(describe).unwrap_or_default()))?;
     }
-    let agree = verdict.is_none_or(|verdict| verdict.agree);
-    Ok(ExitCode::from(if within && agree { 0 } else { 1 }))
+    Ok(ExitCode::from(match verdict.map(|verdict| verdict.verdict) {
+        _ if !within => 1,
+        Some(Verdict::Differ) => 1,
+        Some(Verdict::TooFewSamples) => 2,
+        Some(Verdict::Agree) | None => 0,
+    }))
 }
 
 /// A sentence about the difference if the metadata of the files name different crops or gates.
@@ -148,9 +152,20 @@ fn describe(verdict: &Agreement) -> String {
     let mut text = format!(
         "z               {} max |z| = {max_z:.2}, threshold {threshold:.2} for {tests} means (Sidak, {SIGNIFICANCE:e})\n                \
          cells of {cell} x {cell} pixels, per channel; {:.1} % of the light lies in cells that are tested one by one\n",
-        if verdict.agree { "the two agree:" } else { "the two differ:" },
+        match verdict.verdict {
+            Verdict::Agree => "the two agree:",
+            Verdict::Differ => "the two differ:",
+            Verdict::TooFewSamples => "too few samples to judge:",
+        },
         100.0 * judged
     );
+    if verdict.verdict == Verdict::TooFewSamples {
+        text += &format!(
+            "                the noise has heavy tails (skewness {:.1}), so its size is not known; render both with more \
+             samples, or with another estimator\n",
+            verdict.skewness
+        );
+    }
     for c in &verdict.worst {
         let place = match c.rest {
             true => "all noisier cells together".into(),

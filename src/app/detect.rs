@@ -2,29 +2,33 @@
 
 mod light;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use rayon::prelude::*;
 use serde_json::{Value, json};
 use taugate::Error;
+use taugate::internals::detector::light::counts;
 use taugate::internals::detector::{Blind, Detector};
-use taugate::internals::files::{check_writable, write_atomically};
+use taugate::internals::files::check_writable;
+use taugate::internals::image::array_set::{ArraySet, Role};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
-use taugate::internals::image::npy_file::{COUNTS, description_path, paths_beside, write_new_array};
+use taugate::internals::image::npy_file::{COUNTS, description_path, paths_beside};
+use taugate::internals::image::png_file;
+use taugate::internals::settings::exposure::Exposure;
 use taugate::internals::settings::units::Gate;
 
 use super::memory;
 use super::rescue::Rescue;
 use crate::app::cli::DetectArgs;
-use light::{Light, bytes_of, has_extension};
+use light::{Input, bytes_of, has_extension};
 
 pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     if !has_extension(&args.output, "npy") {
         return Err(Error::settings(format!("the output {} must end in .npy", args.output.display())).into());
     }
     let detector = detector(args)?;
+    let png = picture_path(args)?;
     let description = description_path(&args.output);
     let [variances, depths] = paths_beside(&args.output);
     check_writable(&args.output)?;
@@ -33,6 +37,7 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
     if [&args.output, &description, &variances, &depths]
         .into_iter()
+        .chain(&png)
         .any(|file| same(file, &args.input) || same(file, &description_path(&args.input)))
     {
         return Err(
@@ -41,9 +46,13 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     }
     let free = memory::free();
     light::check_readable_in(free, &args.input)?;
-    let light = Light::read(&args.input)?;
-    detector.check_gates(&light.bins, args.background.is_some())?;
-    let background = background(args.background.as_deref(), &light)?;
+    let input = Input::read(&args.input)?;
+    let light = &input.light;
+    if png.is_some() && light.size().is_none() {
+        return Err(Error::settings("--png needs images, but the light is a scan; leave out --png").into());
+    }
+    detector.check_gates(light.bins(), args.background.is_some())?;
+    let background = background(args.background.as_deref(), &input)?;
     let shape = light.shape(args.mono);
     memory::check_bytes(
         bytes_of(shape.iter().product()) + bytes_of(light.numbers()),
@@ -51,23 +60,24 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         "the light with its counts",
         light::REMEDY,
     )?;
-    let counts = counts(args, &detector, &light, &background)?;
-    if counts.iter().any(|count| !count.is_finite()) {
-        return Err(Error::settings(
-            "counts exceed the largest number of the output, 3e38; lower --photons or --pulses",
-        )
-        .into());
-    }
+    let counts = counts(&detector, light, &background, args.mono, args.seed)?;
 
-    let text = serde_json::to_string_pretty(&describe(args, &light, &shape))?;
-    let in_order = || (0..counts.len()).map(|i| counts[light.index(i)]);
+    let about = describe(args, &input, &shape);
+    let write = |path: &Path| {
+        let mut set = ArraySet::new(path);
+        set.add(Role::Array, &shape, counts.iter().copied())?;
+        set.publish(&about)
+    };
     let mut rescue = Rescue::default();
-    let is_in_place = rescue.write(&args.output, |path| write_new_array(path, &shape, in_order()));
-    rescue.write(&description, |path| match path == description && !is_in_place {
-        // Another array may still lie beside it. The description goes where the counts are.
-        true => Err(Error::settings("the counts could not be written")),
-        false => write_atomically(path, |writer| std::io::Write::write_all(writer, text.as_bytes())),
-    });
+    rescue.write(&args.output, write);
+    if let (Some(path), Some([width, height])) = (&png, light.size()) {
+        let picture = sums_over_gates(&counts, light.gates(), light.channels(args.mono));
+        let exposure = match args.exposure.unwrap_or_default() {
+            Exposure::Auto => png_file::exposure(&picture),
+            Exposure::Stops(stops) => stops.exp2() as f32,
+        };
+        rescue.write(path, |path| png_file::write(path, width as u32, height as u32, &picture, exposure));
+    }
     rescue.finish()?;
     let total: f64 = counts.iter().map(|&count| f64::from(count)).sum();
     let measurements = (light.pixels() * light.channels(args.mono)) as f64;
@@ -87,30 +97,50 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
 
 /// Fails if a number is out of range.
 fn detector(args: &DetectArgs) -> Result<Detector, Error> {
-    let check = |name: &str, x: f64, max: f64| match (0.0..=max).contains(&x) {
-        true => Ok(x),
-        false if max.is_finite() && max < 1e9 => {
-            Err(Error::settings(format!("--{name} is {x}; it must be from 0 to {max}")))
-        }
-        false => Err(Error::settings(format!("--{name} is {x}; it must be a finite number, 0 or more"))),
-    };
     let blind = match args.dead_time {
         Some(time) => Blind::For(time.0),
         None if args.first_photon => Blind::UntilNextPulse,
         None => Blind::Never,
     };
-    Ok(Detector {
-        photons: check("photons", args.photons, f64::MAX)?,
+    let detector = Detector {
+        photons: args.photons,
         pulses: args.pulses,
-        efficiency: check("efficiency", args.efficiency, 1.0)?,
-        dark_rate: check("dark-counts", args.dark_counts, f64::MAX)?,
+        efficiency: args.efficiency,
+        dark_rate: args.dark_counts,
         jitter: args.jitter.map_or(0.0, |jitter| jitter.0),
         blind,
-    })
+    };
+    detector.check_numbers()?;
+    Ok(detector)
+}
+
+/// The file of --png. Fails if it has another extension or cannot be written.
+fn picture_path(args: &DetectArgs) -> Result<Option<PathBuf>, Error> {
+    let path = match &args.png {
+        None if args.exposure.is_some() => return Err(Error::settings("--exposure is for the picture: add --png")),
+        None => return Ok(None),
+        Some(None) => args.output.with_extension("png"),
+        Some(Some(path)) if has_extension(path, "png") => path.clone(),
+        Some(Some(path)) => {
+            return Err(Error::settings(format!("the picture {} must end in .png", path.display())));
+        }
+    };
+    check_writable(&path)?;
+    Ok(Some(path))
+}
+
+/// The sum of the counts over all gates: R, G, B per pixel. A detector without colours gives grey.
+fn sums_over_gates(counts: &[f32], gates: usize, channels: usize) -> Vec<f32> {
+    let of_pixel = |counts: &[f32]| {
+        let sum = |channel: usize| counts.iter().skip(channel).step_by(channels).sum::<f32>();
+        [0, 1, 2].map(|k| sum(k.min(channels - 1)))
+    };
+    counts.chunks_exact(gates * channels).flat_map(of_pixel).collect()
 }
 
 /// R, G, B of the background per pixel: a number, or an image of a render without a gate.
-fn background(text: Option<&str>, light: &Light) -> Result<Vec<[f32; 3]>, Error> {
+fn background(text: Option<&str>, input: &Input) -> Result<Vec<[f32; 3]>, Error> {
+    let light = &input.light;
     let pixels = light.pixels();
     let Some(text) = text else { return Ok(vec![[0.0; 3]; pixels]) };
     let path = Path::new(text);
@@ -140,7 +170,7 @@ fn background(text: Option<&str>, light: &Light) -> Result<Vec<[f32; 3]>, Error>
         )));
     }
     // An image of another program may show the same part of the scene without saying so.
-    if let (Some(_), Some([x, y])) = (&picture.renderer, light.corner)
+    if let (Some(_), Some([x, y])) = (&picture.renderer, input.corner)
         && picture.corner.map(i64::from) != [x, y]
     {
         let [column, row] = picture.corner;
@@ -160,44 +190,11 @@ fn background(text: Option<&str>, light: &Light) -> Result<Vec<[f32; 3]>, Error>
     Ok(picture.rgb.as_chunks().0.to_vec())
 }
 
-/// The counts of all pixels, indexed by pixel, gate and channel. Fails if they cannot be drawn.
-fn counts(args: &DetectArgs, detector: &Detector, light: &Light, background: &[[f32; 3]]) -> Result<Vec<f32>, Error> {
-    let bins = &light.bins;
-    let channels = light.channels(args.mono);
-    let of_background = |pixel: usize, channel: usize| light::of_channel(&background[pixel], channels, channel);
-    let means_of = |pixel: usize, channel: usize| {
-        detector.means(light.radiance(pixel, channels, channel).into_iter(), of_background(pixel, channel), bins)
-    };
-    let pixels = 0..light.pixels();
-    let draws_of = |pixel: usize| {
-        let of_channel = |channel| {
-            let means = means_of(pixel, channel);
-            detector.check(&means, bins)?;
-            Ok(detector.draws(&means, bins))
-        };
-        (0..channels).map(of_channel).sum::<Result<f64, Error>>()
-    };
-    Detector::check_draws(pixels.clone().into_par_iter().map(draws_of).sum::<Result<f64, Error>>()?)?;
-    let count_pixel = |(pixel, counts_of_pixel): (usize, &mut [f32])| {
-        for channel in 0..channels {
-            let means = means_of(pixel, channel);
-            // A seed per pixel and channel: counts do not depend on the order of the work.
-            let seed = (u64::from(args.seed) << 32) ^ (3 * pixel + channel) as u64;
-            let steady = detector.steady_means(of_background(pixel, channel), bins);
-            for (k, count) in detector.counts(&means, &steady, bins, seed).into_iter().enumerate() {
-                counts_of_pixel[k * channels + channel] = count as f32;
-            }
-        }
-    };
-    let per_pixel = light.gates() * channels;
-    let mut counts = vec![0.0; pixels.len() * per_pixel];
-    counts.par_chunks_mut(per_pixel).enumerate().for_each(count_pixel);
-    Ok(counts)
-}
-
 /// The description of the counts: the description of the radiance, with the detector added.
-fn describe(args: &DetectArgs, light: &Light, shape: &[usize]) -> Value {
-    let mut description = light.description.clone();
+fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
+    let mut description = input.description.clone();
+    // The record of the arrays is that of the light.
+    description.as_object_mut().expect("a description is an object").remove("files");
     description["unit"] = COUNTS.into();
     description["shape"] = shape.into();
     description["detector"] = json!({
@@ -214,4 +211,16 @@ fn describe(args: &DetectArgs, light: &Light, shape: &[usize]) -> Value {
         "seed": args.seed,
     });
     description
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_of_counts_is_the_sum_over_the_gates() {
+        let counts: Vec<f32> = (1..=12).map(|x| x as f32).collect();
+        assert_eq!(sums_over_gates(&counts, 2, 3), [5.0, 7.0, 9.0, 17.0, 19.0, 21.0]);
+        assert_eq!(sums_over_gates(&counts[..4], 2, 1), [3.0, 3.0, 3.0, 7.0, 7.0, 7.0]);
+    }
 }

@@ -7,7 +7,8 @@ use std::process::ExitCode;
 use serde::Serialize;
 use taugate::Error;
 use taugate::internals::files::{check_writable, write_atomically};
-use taugate::internals::image::npy_file::{COUNTS, variance_path};
+use taugate::internals::image::array_set::{self, Role};
+use taugate::internals::image::npy_file::COUNTS;
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, is_counts, read_with_mono};
 use taugate::internals::image::time_plot::{Bar, steps};
 use taugate::internals::settings::values::Pixel;
@@ -98,10 +99,7 @@ pub fn run(args: &HistogramArgs) -> anyhow::Result<ExitCode> {
 
 /// The variances beside an array, if there are any. Fails if their shape differs from that of the array.
 fn variances(path: &Path, array: &ImageArray) -> Result<Option<ImageArray>, Error> {
-    let path = variance_path(path);
-    if !path.exists() {
-        return Ok(None);
-    }
+    let Some(path) = array_set::beside(path, Role::Variance) else { return Ok(None) };
     let (variances, _) = read_with_mono(&path)?;
     let shape = |array: &ImageArray| (array.height, array.width, array.responses);
     match shape(&variances) == shape(array) {

@@ -7,8 +7,10 @@ use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::image::{npy_file, png_file};
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::settings::exposure::Exposure;
+use taugate::internals::settings::gate_pictures::GatePictures;
 
 use super::rescue::Rescue;
+use super::sheet::{Linear, sheet};
 
 /// The images, and what is known about them.
 pub struct Images<'a> {
@@ -28,39 +30,57 @@ impl Images<'_> {
             rescue.write(path, |path| exr_file::write_responses(path, film, responses, provenance, layers));
         }
         if let Some(path) = &outputs.npy {
-            let stale = npy_file::stale_arrays(path);
-            // The description comes first. An array without one would look like an array of another program.
-            rescue.write(&npy_file::description_path(path), |path| {
-                npy_file::write_description(path, film, responses, provenance)
-            });
-            if rescue.write(path, |path| npy_file::write_means(path, film, responses)) {
-                rescue.check(npy_file::remove_stale(&stale));
-            }
-            if let Some((images, frequencies)) = responses.zip(provenance.responses.frequencies()) {
-                rescue
-                    .write(&npy_file::depth_path(path), |path| npy_file::write_depths(path, film, images, frequencies));
-            }
-            if outputs.variance {
-                rescue.write(&npy_file::variance_path(path), |path| npy_file::write_variances(path, film, responses));
-            }
+            rescue.write(path, |path| npy_file::write(path, film, responses, provenance, outputs.variance));
         }
-        if let Some(path) = &outputs.png {
-            let exposure = self.exposure(outputs);
-            rescue.write(path, |path| png_file::write(path, film.width(), film.height(), &film.mean(), exposure));
+        let exposure = self.exposure(outputs);
+        let several = responses.filter(|_| outputs.png_gates != GatePictures::Sum);
+        for (k, path) in outputs.pictures().iter().enumerate() {
+            let picture = match several {
+                None => self.sum(),
+                Some(all) if outputs.png_gates == GatePictures::Each => self.gate(all, k),
+                Some(all) => match sheet(all.responses(), |k| Ok(self.gate(all, k))) {
+                    Ok(sheet) => sheet,
+                    Err(_) => unreachable!("the images are in memory"),
+                },
+            };
+            let Linear { width, height, rgb } = picture;
+            rescue.write(path, |path| png_file::write(path, width as u32, height as u32, &rgb, exposure));
         }
+    }
+
+    /// The image of all light.
+    fn sum(&self) -> Linear {
+        Linear { width: self.film.width() as usize, height: self.film.height() as usize, rgb: self.film.mean() }
+    }
+
+    /// The image of gate `k`.
+    fn gate(&self, all: &ResponseFilm, k: usize) -> Linear {
+        let rgb = (0..all.pixels()).flat_map(|pixel| all.means_of(pixel).skip(3 * k).take(3)).collect();
+        Linear { rgb, ..self.sum() }
     }
 
     /// The factor by which the picture multiplies linear values.
     pub fn exposure(&self, outputs: &Outputs) -> f32 {
         match outputs.exposure {
-            Exposure::Auto => png_file::exposure(&self.film.mean()),
+            Exposure::Auto => match self.responses.filter(|_| outputs.png_gates != GatePictures::Sum) {
+                None => png_file::exposure(&self.film.mean()),
+                // All gates have one exposure.
+                Some(all) => {
+                    let see_all = |see: &mut dyn FnMut(&[f32])| {
+                        (0..all.responses()).for_each(|k| see(&self.gate(all, k).rgb));
+                        Ok(())
+                    };
+                    png_file::common_exposure(see_all).unwrap_or(1.0)
+                }
+            },
             Exposure::Stops(stops) => stops.exp2() as f32,
         }
     }
 
     /// How the picture was exposed, for a line of the summary; `None` without a picture.
     pub fn describe_exposure(&self, outputs: &Outputs) -> Option<String> {
-        let png = outputs.png.as_ref()?;
+        let pictures = outputs.pictures();
+        let png = pictures.first()?;
         let stops = self.exposure(outputs).log2();
         let repeat = match outputs.exposure {
             Exposure::Auto => format!(" (auto; --exposure {stops:.2} gives other pictures the same)"),

@@ -13,13 +13,14 @@ use std::process::ExitCode;
 use serde::Serialize;
 use taugate::Error;
 use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
+use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{emitting_nodes, resolve};
 use taugate::internals::input::scenery;
+use taugate::internals::render::sheets::{Glass, glass};
 use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
     probe,
 };
-use taugate::internals::render::sheets::{Glass, glass};
 use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Projection, Scene, SkyImage};
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
@@ -28,7 +29,7 @@ use map::Map;
 use media::{Medium, Thickness};
 use pixel::Shown;
 
-use super::{feasible, render};
+use super::{compiling, feasible, render};
 use crate::app::cli::InfoArgs;
 
 /// Percentiles of the arriving light whose travel times the report lists.
@@ -95,6 +96,8 @@ struct Render {
     possible: Option<TravelTimeBounds>,
     /// The part of the image whose light is measured, if it is not the whole image: x0,x1,y0,y1.
     crop: Option<String>,
+    /// The gates of an experiment; none if all light counts.
+    gate: Option<Gate>,
     light: Option<Light>,
     /// Fraction of the visible surface that is the black back of a one-sided surface; none if it was not measured.
     black_backs: Option<f64>,
@@ -104,6 +107,25 @@ struct Render {
     pixel: Option<Shown>,
     /// The files of --map.
     map: Option<Map>,
+}
+
+/// The gates of an experiment.
+#[derive(Serialize)]
+struct Gate {
+    gates: String,
+    /// The share of the light that arrives from the start of the first gate to the end of the last one, 0 to 1. None if no travel times
+    /// were measured, and for gates without an end.
+    share: Option<f64>,
+}
+
+impl Gate {
+    fn new(settings: &Settings, times: Option<&TravelTimes>) -> Option<Gate> {
+        let responses = settings.responses();
+        let support = responses.support();
+        let is_limited = !responses.is_repeated() && !support.is_open();
+        let share = times.filter(|_| is_limited).and_then(|times| times.share(&support));
+        (!responses.are_steady()).then(|| Gate { gates: responses.describe(), share })
+    }
 }
 
 #[derive(Serialize)]
@@ -152,17 +174,19 @@ pub struct Arrival {
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     map::check(&args.map)?;
     args.plot.as_deref().map_or(Ok(()), plot::check)?;
-    let mut experiment = args.experiment();
+    let mut experiment = render::read_experiment(args.input.clone(), args.flags.0.clone())?;
+    let notes = reduce(&mut experiment);
     let files: Vec<PathBuf> = args.map.iter().chain(&args.plot).cloned().collect();
-    render::check_inputs(&files, &args.scene, &experiment)?;
+    render::check_inputs(&files, experiment.scene.as_ref().expect("the experiment names a scene"), &experiment)?;
+    compiling::announce()?;
     let mut scene = render::load_scene(&experiment)?;
-    let notes = scenery::apply(&mut experiment, &mut scene)?;
+    let choices = scenery::apply(&mut experiment, &mut scene)?;
     let mut report = contents(&scene);
-    report.notes = notes;
+    report.notes = [notes, choices].concat();
     match resolve(&experiment, &scene) {
         Ok(resolved) => {
             report.warnings.extend(resolved.warnings);
-            add_render(&mut report, &scene, &resolved.settings, args)?;
+            add_render(&mut report, &scene, &resolved.settings, args, experiment.render.device.as_deref())?;
         }
         // The user must change the scene to remove this error. The report still lists the contents.
         Err(Error::Scene { message, .. }) if !needs_render(args) => {
@@ -176,6 +200,15 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
         text::text(&report)
     })?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Removes the settings of an experiment that the report leaves out. Returns notes for the user.
+fn reduce(experiment: &mut Experiment) -> Vec<String> {
+    experiment.output = Default::default();
+    let keys = experiment.gate.gate_keys.take();
+    let of_keys = keys.map(|_| "the gates of gate-keys differ between frames, so the report has no gate".into());
+    let of_scan = experiment.scan.as_ref().map(|_| "travel times are those of the first point of the laser".into());
+    of_keys.into_iter().chain(of_scan).collect()
 }
 
 /// Whether the user wants a part of the report that needs a device and a scene that can be rendered.
@@ -246,9 +279,13 @@ fn describe(light: &SceneLight, scene: &Scene) -> String {
 
 /// Adds the part that depends on the settings. A device that the user named but that cannot be opened is an error. If no
 /// device at all can be opened, the report gets a note instead of travel times, unless --pixel, --map or --plot needs the device.
-fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &InfoArgs) -> anyhow::Result<()> {
-    let experiment = args.experiment();
-    let device = experiment.render.device.as_deref();
+fn add_render(
+    report: &mut Report,
+    scene: &Scene,
+    settings: &Settings,
+    args: &InfoArgs,
+    device: Option<&str>,
+) -> anyhow::Result<()> {
     let part = match args.pixel {
         Some(pixel) => &pixel::crop_to(settings, pixel)?,
         None => settings,
@@ -295,6 +332,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         _ => None,
     };
     let missing = missing.map(|missing| missing.describe());
+    let gate = Gate::new(settings, times.as_ref().and_then(|times| times.as_ref().ok()));
     if let Some(plot) = &args.plot {
         plot::write(plot, times.as_ref().and_then(|times| times.as_ref().ok()), missing.as_deref())?;
     }
@@ -342,6 +380,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         memory: memory(&plan, info),
         possible: timed.map(|(part, prepared)| TravelTimeBounds::new(prepared, part)),
         crop: (part.crop() != whole).then(|| part.crop().to_string()),
+        gate,
         light,
         black_backs: backs,
         optical_thickness: thickness,

@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 
 #[cfg(unix)]
 use signal_hook::consts::{SIGHUP, SIGTERM, SIGXCPU, SIGXFSZ};
+#[cfg(unix)]
+use taugate::internals::threads;
 
 /// Exit code of an interrupted command.
 pub const INTERRUPTED: u8 = 130;
@@ -84,7 +86,7 @@ fn on_termination(stop: Arc<AtomicBool>, mut interrupt: impl FnMut() + Send + 's
         numbers.push(SIGHUP);
     }
     let mut signals = signal_hook::iterator::Signals::new(numbers)?;
-    std::thread::spawn(move || {
+    threads::spawn("signals", move || {
         let mut last: Option<Instant> = None;
         for number in signals.forever() {
             let is_late = number != SIGTERM && stop.load(Ordering::SeqCst);
@@ -93,7 +95,7 @@ fn on_termination(stop: Arc<AtomicBool>, mut interrupt: impl FnMut() + Send + 's
                 interrupt();
             }
         }
-    });
+    })?;
     Ok(())
 }
 

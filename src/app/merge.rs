@@ -15,6 +15,7 @@ use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::values::Files;
 use taugate::internals::settings::{Crop, Responses};
+use taugate::internals::threads::spawn_scoped;
 
 use super::accumulated;
 use super::cli::DevelopedFiles;
@@ -104,13 +105,15 @@ fn merged(order: &[(PathBuf, About)]) -> Result<Accumulation> {
     let (first, others) = order.split_first().expect("the command names a file");
     let mut sums = read(&first.0)?;
     std::thread::scope(|scope| {
-        let readers: [_; READERS] = std::array::from_fn(|reader| {
+        let mut readers = vec![];
+        for reader in 0..READERS {
             let (sender, parts) = std::sync::mpsc::sync_channel(0);
             let paths = others.iter().skip(reader).step_by(READERS).map(|(path, _)| path);
-            // `send` fails after the loop below has returned an error. Then no more parts are read.
-            scope.spawn(move || paths.map(|path| read(path)).find_map(|part| sender.send(part).err()));
-            parts
-        });
+            // `send` fails after this function has returned an error. Then no more parts are read.
+            let read_all = move || paths.map(|path| read(path)).find_map(|part| sender.send(part).err());
+            spawn_scoped(scope, "read", read_all)?;
+            readers.push(parts);
+        }
         for (k, (path, _)) in others.iter().enumerate() {
             let part = readers[k % READERS].recv().expect("a reader sends every part");
             sums.merge(&name(&first.0), &part?, &name(path))?;

@@ -5,6 +5,7 @@ mod bench;
 mod check;
 pub mod cli;
 mod compare;
+mod compiling;
 mod detect;
 mod devices;
 mod feasible;
@@ -23,6 +24,7 @@ mod progress;
 pub mod render;
 mod report;
 mod rescue;
+mod sheet;
 mod strategies;
 mod view;
 
@@ -31,12 +33,14 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use taugate::internals::printable::escaped;
+use taugate::internals::threads::start_pool;
 
 use crate::app::cli::{Cli, Command};
 
 pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     #[cfg(unix)]
     interrupts::outlive_size_limits()?;
+    start_pool()?;
     match cli.command {
         Command::Render(args) => render::run(*args),
         Command::View(args) => view::run(*args),

@@ -10,6 +10,7 @@ mod sequence;
 mod sums;
 
 use std::collections::HashSet;
+use std::io::IsTerminal;
 use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -38,7 +39,7 @@ use super::live::Live;
 use super::preparation::Preparation;
 use super::progress::{Before, Progress};
 use super::report::Report;
-use super::{feasible, memory, pace, strategies};
+use super::{compiling, feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
 pub use errors::NotFinite;
 use errors::{with_saved_results, with_scene_path};
@@ -57,6 +58,10 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     experiment.check_paths()?;
     if print_config {
         return print::print(&experiment);
+    }
+    // A file of messages has other lines to expect.
+    if !quiet && std::io::stderr().is_terminal() {
+        compiling::announce()?;
     }
     if let Some(table) = experiment.scan.clone() {
         return scan::run(&table, experiment, &mut Session::new(quiet)?);

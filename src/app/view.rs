@@ -28,6 +28,7 @@ use taugate::internals::gpu::Device;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::named;
 use taugate::internals::tev::TevStream;
+use taugate::internals::threads;
 use tokio::sync::{mpsc, watch};
 
 use super::interrupts::{Interrupt, Interrupts};
@@ -142,7 +143,9 @@ fn serve_until_interrupt(
     });
     let is_over = Arc::new(AtomicBool::new(false));
     let over = OnDrop(is_over.clone());
-    let rendering = std::thread::Builder::new().name("render".into()).spawn(move || {
+    // The thread `render`, and those of Tokio, which panics if it cannot start its thread or the first one for pictures.
+    threads::check(3)?;
+    let rendering = threads::spawn("render", move || {
         // Without the engine the pages would wait for ever. So the server ends when the engine does, even after a panic.
         let _over = over;
         engine.run();

@@ -181,7 +181,7 @@ pub fn make(
             next = CHECK_INTERVAL * seconds;
             if let Some(another) = previous.take_if(|_| doubtful) {
                 let agreement = agreement(size, &another.cells, &cells_of(&halves))?;
-                (previous, other) = match agreement.agree {
+                (previous, other) = match agreement.is_within_noise() {
                     true => (Some(another), OtherVersion::Merged(agreement)),
                     false => (None, OtherVersion::Rejected(agreement)),
                 };
@@ -220,7 +220,7 @@ pub fn make(
             return Ok(None);
         };
         let found = verdict.insert(agreement(size, &cells, &judge_cells)?);
-        if found.agree {
+        if found.is_within_noise() {
             break;
         }
     }
@@ -229,8 +229,8 @@ pub fn make(
     // spread of all batches together would not give the noise of the mean.
     film.set_cells(previous.filter(|previous| previous.seconds > seconds).map_or(cells, |previous| previous.cells));
     let is_left_out = matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified);
-    let aside = (agreement.agree && is_left_out).then(|| path.with_extension("other.exr"));
-    let path = if agreement.agree { path.into() } else { rejected(path) };
+    let aside = (agreement.is_within_noise() && is_left_out).then(|| path.with_extension("other.exr"));
+    let path = if agreement.is_within_noise() { path.into() } else { rejected(path) };
     let provenance = provenance(entries[0], before + seconds, &variant, HALVES[0] + extension);
     let report = ReferenceReport { variant, seconds, before, other, samples, own, wanted: needed, judge, agreement };
     Ok(Some(Finished { report, path, film, provenance, aside }))

@@ -131,7 +131,7 @@ struct SceneTable {
 
 impl<'de> Deserialize<'de> for SceneTable {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SceneTable, D::Error> {
-        SceneTable::deserialize(Dashed(deserializer))
+        SceneTable::deserialize(Dashed(deserializer, |key| key))
     }
 }
 

@@ -6,6 +6,7 @@
 #![warn(missing_docs)]
 
 mod jitter;
+pub mod light;
 
 use rand_distr::{Binomial, Distribution, Exp1, Normal, Poisson, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -104,6 +105,24 @@ impl Bins {
 }
 
 impl Detector {
+    /// Fails if a number is out of range. The message names the flag of `taugate detect`.
+    pub fn check_numbers(&self) -> Result<()> {
+        let numbers = [
+            ("photons", self.photons, f64::MAX),
+            ("efficiency", self.efficiency, 1.0),
+            ("dark-counts", self.dark_rate, f64::MAX),
+        ];
+        match numbers.into_iter().find(|(_, x, max)| !(0.0..=*max).contains(x)) {
+            None => Ok(()),
+            Some((name, x, max)) if max < 1e9 => {
+                Err(Error::settings(format!("--{name} is {x}; it must be from 0 to {max}")))
+            }
+            Some((name, x, _)) => {
+                Err(Error::settings(format!("--{name} is {x}; it must be a finite number, 0 or more")))
+            }
+        }
+    }
+
     /// Fails if these gates do not suit the detector. Without jitter and dead time, each gate is an exposure of its own, so gates may
     /// overlap. `has_background`: whether the scene is in daylight.
     pub fn check_gates(&self, bins: &Bins, has_background: bool) -> Result<()> {

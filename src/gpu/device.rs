@@ -15,6 +15,7 @@ use super::kernel::KernelCache;
 use super::shared::{Shared, lost_after};
 use super::staging::Staging;
 use crate::error::{Error, Result};
+use crate::threads::start_pool;
 
 /// An open device with one compute queue. Clones are cheap and share the device; dropping the last clone closes the device.
 /// Threads may share a device: their submits run one after the other.
@@ -44,6 +45,7 @@ impl Device {
     /// As [`Device::open`], but the host drives the device as `drive` says. `None`: as `DeviceInfo::drive` says.
     #[doc(hidden)]
     pub fn open_with_drive(selector: Option<&str>, drive: Option<Drive>) -> Result<Device> {
+        start_pool()?;
         let instance = Instance::open()?;
         let (physical, infos): (Vec<_>, Vec<_>) = instance.devices()?.into_iter().unzip();
         let index = choose(&infos, selector)?;

@@ -33,6 +33,21 @@ pub(super) fn device_error(doing: &str, e: vk::Result) -> Error {
     Error::Vulkan { message, source: e.into() }
 }
 
+/// As [`device_error`], for the first calls of Vulkan. They need hardly any memory, but the loader says that it has run out of memory
+/// if it cannot use the files that describe the drivers.
+fn start_error(doing: &str, e: vk::Result) -> Error {
+    let message = match e {
+        vk::Result::ERROR_OUT_OF_HOST_MEMORY
+        | vk::Result::ERROR_OUT_OF_DEVICE_MEMORY
+        | vk::Result::ERROR_INITIALIZATION_FAILED => format!(
+            "{doing} failed, because the Vulkan loader cannot use a driver; check the driver manifests (.json) in the folders \
+             vulkan/icd.d, or those that VK_DRIVER_FILES or VK_ICD_FILENAMES names; VK_LOADER_DEBUG=error shows which one"
+        ),
+        _ => return device_error(doing, e),
+    };
+    Error::Vulkan { message, source: e.into() }
+}
+
 impl Instance {
     pub fn open() -> Result<Instance> {
         // SAFETY: loading libvulkan runs its initialisers, as for every Vulkan program.
@@ -68,7 +83,7 @@ impl Instance {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
                 Error::Device(format!("no Vulkan driver on this machine; {NO_DRIVER}"))
             }
-            e => device_error("starting Vulkan", e),
+            e => start_error("starting Vulkan", e),
         })?;
         let mut instance = Instance { handle, debug: None, entry };
         if validating() {
@@ -91,7 +106,7 @@ impl Instance {
     pub fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, DeviceInfo)>> {
         // SAFETY: the instance is alive.
         let devices =
-            unsafe { self.handle.enumerate_physical_devices() }.map_err(|e| device_error("enumerating devices", e))?;
+            unsafe { self.handle.enumerate_physical_devices() }.map_err(|e| start_error("enumerating devices", e))?;
         let (forced, max_texels_forced) = (Drive::forced()?, max_texels_forced()?);
         let describe = |d| {
             let info = describe(&self.handle, d);
@@ -142,6 +157,14 @@ mod tests {
 
     use super::*;
     use crate::error::ErrorKind;
+
+    #[test]
+    fn a_driver_that_does_not_start_is_no_lack_of_memory() {
+        let broken = start_error("starting Vulkan", vk::Result::ERROR_OUT_OF_HOST_MEMORY).to_string();
+        assert!(broken.contains("driver manifests") && !broken.contains("--resolution"), "{broken}");
+        let full = device_error("allocating", vk::Result::ERROR_OUT_OF_HOST_MEMORY).to_string();
+        assert!(full.contains("out of memory") && full.contains("--resolution"), "{full}");
+    }
 
     #[test]
     fn an_error_of_the_driver_keeps_its_source() {

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::bindings::{Bindings, DescriptorSets};
 use super::bounds;
 use super::buffer::Buffer;
+use super::compiling::Compiling;
 use super::device::Device;
 use super::pipeline::Pipeline;
 use super::shader::Source;
@@ -90,6 +91,7 @@ impl Kernel {
         let compiled = match kept {
             Some(kept) => kept,
             None => {
+                let _compiling = Compiling::begin();
                 let usual = Pipeline::new(device, Arc::new(source), vec![])?;
                 let is_kept = usual.violation.is_none();
                 let compiled = Arc::new(Compiled { usual: Arc::new(usual), variants: Mutex::default() });

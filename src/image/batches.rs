@@ -170,6 +170,27 @@ impl CellBatches {
         (mean, estimates)
     }
 
+    /// Skewness of the means of the batches, whose spread is the variance in [`CellBatches::pooled`]: 0 on average for noise that is
+    /// symmetric about its mean, whatever the numbers of samples. [`CellBatches::max_skewness`] if one batch has all the noise.
+    pub fn skewness(&self, cells: &[usize], channel: usize) -> f64 {
+        let sum_of = |sums: &[f64]| cells.iter().map(|&c| sums[3 * c + channel]).sum::<f64>();
+        let samples: f64 = self.batches.iter().map(|b| b.0).sum();
+        let mean = self.batches.iter().map(|(_, sums)| sum_of(sums)).sum::<f64>() / samples;
+        // The noise of samples has the same variance in each term.
+        let terms = self.batches.iter().map(|(weight, sums)| (sum_of(sums) / weight - mean) * weight.sqrt());
+        let (squares, cubes) = terms.fold((0.0, 0.0), |(squares, cubes), x| (squares + x * x, cubes + x * x * x));
+        match squares > 0.0 {
+            true => cubes * (self.batches.len() as f64).sqrt() / squares.powf(1.5),
+            false => 0.0,
+        }
+    }
+
+    /// The greatest skewness that this number of equal batches can have.
+    pub fn max_skewness(&self) -> f64 {
+        let n = self.batches.len() as f64;
+        (n - 2.0) / (n - 1.0).sqrt()
+    }
+
     /// Degrees of freedom of the variance in [`CellBatches::pooled`] if all batches have equal variances (Bell and McCaffrey 2002). With
     /// equal numbers of samples, it is the number of batches less 1, otherwise less. The noise of samples gives more.
     pub fn freedom(&self) -> f64 {

@@ -1,6 +1,7 @@
 //! Images: accumulation, files, and fingerprints of everything that a result depends on.
 
 pub mod accumulation;
+pub mod array_set;
 pub mod arrival_map;
 pub mod batches;
 pub mod channels;

@@ -1,24 +1,21 @@
 //! Writes images as NumPy arrays (`.npy`), with a JSON file beside each that says what the array contains.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::error::{Error, Result};
-use crate::files::write_atomically;
+use crate::error::Result;
+use crate::image::array_set::{ArraySet, Role};
 use crate::image::depth;
 use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
-use crate::image::scan_layers::layers_path;
-use crate::settings::frequencies::Frequencies;
 use crate::settings::response_specs::ResponseSpec;
 use crate::settings::{Response, Responses};
 
 /// The file beside an array. The names of the first three fields are those of mitransient; lengths are metres of optical path.
 #[derive(Serialize)]
-struct Description<'a> {
+pub struct Description<'a> {
     #[serde(flatten)]
     bins: Option<Bins>,
     /// The responses along the axis T of the array, in order.
@@ -100,47 +97,47 @@ const RADIANCE: &str = "W/(m^2 sr)";
 /// The unit of the counts of a detector, in the JSON file.
 pub const COUNTS: &str = "counts over all pulses";
 
-/// Writes the means as 32-bit floats: of shape (height, width, 3) for one response, of shape (height, width, responses, 3) for
-/// several. Row 0 is at the top. The files beside an earlier array stay, see [`stale_arrays`].
-pub fn write_means(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
-    match responses {
-        None => write_array(path, &shape(film, None), film.mean()),
-        Some(all) => {
-            write_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))
-        }
-    }
-}
-
-/// Writes the variances of the means, in the same shape.
-pub fn write_variances(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
-    match responses {
-        None => write_array(path, &shape(film, None), film.variance_of_mean()),
-        Some(all) => {
-            write_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel)))
-        }
-    }
-}
-
 /// The array of depths beside the array `path` of a continuous-wave sensor.
 pub fn depth_path(path: &Path) -> PathBuf {
     path.with_extension("depth.npy")
 }
 
-/// Writes the depths in metres, of shape (height, width). For two frequencies, it is the depth that both agree on.
-pub fn write_depths(path: &Path, film: &Film, images: &ResponseFilm, frequencies: &Frequencies) -> Result<()> {
-    let depths = depth::planes(images, frequencies).pop().map_or(vec![], |(_, depths)| depths);
-    write_array(path, &[film.height() as usize, film.width() as usize], depths)
-}
-
-/// Writes the JSON file that describes the arrays.
-pub fn write_description(
+/// Writes the array of a render and the files beside it, as one [`ArraySet`]. `has_variance`: whether the variances are written too. The
+/// arrays have 32-bit floats; row 0 is at the top.
+///
+/// | file | shape |
+/// |---|---|
+/// | the means, and their variances | (height, width, 3) for one response, (height, width, responses, 3) for several |
+/// | the depths of a continuous-wave sensor in metres | (height, width); NaN without light. With two frequencies, both agree on the depth |
+pub fn write(
     path: &Path,
     film: &Film,
     responses: Option<&ResponseFilm>,
     provenance: &Provenance,
+    has_variance: bool,
 ) -> Result<()> {
+    let mut set = ArraySet::new(path);
+    let shape = shape(film, responses);
+    match responses {
+        None => set.add(Role::Array, &shape, film.mean())?,
+        Some(all) => set.add(Role::Array, &shape, (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))?,
+    }
+    match responses.filter(|_| has_variance) {
+        None if has_variance => set.add(Role::Variance, &shape, film.variance_of_mean())?,
+        None => {}
+        Some(all) => set.add(Role::Variance, &shape, (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel)))?,
+    }
+    if let Some((images, frequencies)) = responses.zip(provenance.responses.frequencies()) {
+        let depths = depth::planes(images, frequencies).pop().map_or(vec![], |(_, depths)| depths);
+        set.add(Role::Depth, &[film.height() as usize, film.width() as usize], depths)?;
+    }
+    set.publish(&description(film, responses, provenance))
+}
+
+/// The JSON file beside the array of a render, without the record of the arrays.
+pub fn description<'a>(film: &Film, responses: Option<&ResponseFilm>, provenance: &'a Provenance) -> Description<'a> {
     let crop = provenance.crop;
-    let description = Description {
+    Description {
         bins: Bins::of(&provenance.responses),
         responses: provenance.responses.iter().map(Entry::of).collect(),
         axes: if responses.is_some() { "height, width, response, channel" } else { "height, width, channel" },
@@ -153,8 +150,7 @@ pub fn write_description(
         seed: provenance.seed,
         version: version(),
         settings: &provenance.settings,
-    };
-    write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &description)?))
+    }
 }
 
 fn shape(film: &Film, responses: Option<&ResponseFilm>) -> Vec<usize> {
@@ -164,54 +160,13 @@ fn shape(film: &Film, responses: Option<&ResponseFilm>) -> Vec<usize> {
     shape
 }
 
-/// Writes an array of 32-bit floats in C order. `values` are as many as `shape` says.
-pub fn write_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
-    write_atomically(path, |writer| {
-        writer.write_all(&header("<f4", shape))?;
-        values.into_iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
-    })
-}
-
 /// The arrays beside the array `path` that not every array has: its variances and its depths.
 pub fn paths_beside(path: &Path) -> [PathBuf; 2] {
     [variance_path(path), depth_path(path)]
 }
 
-/// The variances, depths and layers of an earlier array of this name, which a new array without them must not keep. The JSON file beside the
-/// earlier array tells whether it had them. Without that file, arrays with these names belong to somebody else. Call this function
-/// before the new JSON file is written.
-pub fn stale_arrays(path: &Path) -> Vec<PathBuf> {
-    let text = std::fs::read(description_path(path)).unwrap_or_default();
-    let earlier: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
-    if !earlier["unit"].is_string() || !earlier["shape"].is_array() {
-        return vec![];
-    }
-    let settings = earlier["settings"].as_str().and_then(|text| text.parse::<toml::Table>().ok());
-    let has_depths = settings.is_some_and(|settings| settings.get("gate").is_some_and(|gate| gate.get("cw").is_some()));
-    let depths = has_depths.then(|| depth_path(path));
-    let layers = earlier["aov"].is_array().then(|| layers_path(path));
-    [variance_path(path)].into_iter().chain(depths).chain(layers).collect()
-}
-
-/// Writes an array as [`write_array`] does, and removes the [`stale_arrays`] beside it.
-pub fn write_new_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
-    let stale = stale_arrays(path);
-    write_array(path, shape, values)?;
-    remove_stale(&stale)
-}
-
-/// Removes [`stale_arrays`], so that no reader takes them for those of the new array.
-pub fn remove_stale(stale: &[PathBuf]) -> Result<()> {
-    stale.iter().try_for_each(|beside| match std::fs::remove_file(beside) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            let message = format!("belongs to an earlier array, but cannot be removed: {error}; remove it");
-            Err(Error::io(beside, message, error))
-        }
-        _ => Ok(()),
-    })
-}
-
-/// The header of a `.npy` file with values of the type `kind`: `<f4` or `<f8`, little-endian floats.
+/// The header of a `.npy` file of version 1.0 with values of the type `kind`: `<f4` or `<f8`, little-endian floats. Its length is a
+/// multiple of 64 bytes, so that programs can map the array into memory.
 pub(super) fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     header_of(&format!("'{kind}'"), shape)
 }

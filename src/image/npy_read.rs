@@ -1,14 +1,15 @@
 //! Reads NumPy arrays (`.npy`) of the images of a render, with the JSON file beside them if there is one.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
-use crate::image::npy_file::{COUNTS, description_path};
+use crate::image::array_set::{self, description};
+use crate::image::npy_file::COUNTS;
 use crate::settings::Response;
 
 /// Maximum length of a header in bytes. NumPy writes 118 bytes for four sides.
@@ -125,14 +126,8 @@ pub fn is_scan(path: &Path) -> bool {
     description(path)["axes"].as_str().is_some_and(|axes| axes.starts_with("response"))
 }
 
-/// The JSON file beside the array `path`; null without one.
-fn description(path: &Path) -> serde_json::Value {
-    let text = std::fs::read(description_path(path)).unwrap_or_default();
-    serde_json::from_slice(&text).unwrap_or_default()
-}
-
 /// Reads an array of 32-bit floats of shape (height, width, 3) or (height, width, responses, 3). Fails if the file holds something
-/// else, or fewer or more values than its shape says.
+/// else, or fewer or more values than its shape says, or another array than the JSON file beside it describes.
 pub fn read(path: &Path) -> Result<ImageArray> {
     Ok(read_channels(path, &[3])?.0)
 }
@@ -198,8 +193,11 @@ fn read_values(
     if needed_bytes.is_none_or(|bytes| bytes == 0 || bytes.checked_add(data_at) != Some(length)) {
         return Err(fail(format!("its shape {shape:?} does not fit its {length} bytes; write the file again")));
     }
+    // The header belongs to the record of the file, too.
     let mut bytes = vec![];
-    file.read_to_end(&mut bytes).map_err(|e| read_error(path, e))?;
+    file.seek(SeekFrom::Start(0)).and_then(|_| file.read_to_end(&mut bytes)).map_err(|e| read_error(path, e))?;
+    array_set::check(path, &bytes)?;
+    let bytes = &bytes[(data_at as usize).min(bytes.len())..];
     let values: Vec<f32> = bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
     if values.len() != shape.iter().product::<usize>() {
         return Err(fail("it changed while it was read; read it again".into()));

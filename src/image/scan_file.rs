@@ -1,16 +1,15 @@
 //! Writes the result of a scan as a NumPy array, with a JSON file beside it.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::Path;
 
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::files::write_atomically;
+use crate::image::array_set::{ArraySet, Role};
 use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
-use crate::image::npy_file::{Bins, Entry, write_array, write_new_array};
+use crate::image::npy_file::{Bins, Entry};
 use crate::image::response_film::ResponseFilm;
 use crate::image::scan_layers::ScanLayers;
 use crate::input::scan_table::{Points, Scan, ScanTable};
@@ -79,15 +78,26 @@ impl ScanFilm {
         self.means.iter().all(|&mean| mean == 0.0)
     }
 
-    /// Writes the means as 32-bit floats of shape (response, point) for a confocal scan, and (response, point of the laser, point of
-    /// the sensor) for an exhaustive one. Removes the variances of an earlier array.
-    pub fn write_means(&self, path: &Path, scan: &Scan) -> Result<()> {
-        write_new_array(path, &self.shape(scan), self.means.iter().copied())
-    }
-
-    /// Writes the variances of the means, in the same shape.
-    pub fn write_variances(&self, path: &Path, scan: &Scan) -> Result<()> {
-        write_array(path, &self.shape(scan), self.variances.iter().copied())
+    /// Writes the means, their variances and layers if there are any, and the JSON file that describes them, as one [`ArraySet`]. The arrays have
+    /// 32-bit floats of shape (response, point) for a confocal scan, and (response, point of the laser, point of the sensor) for an
+    /// exhaustive one. `description`: see [`ScanFilm::description`].
+    pub fn write(
+        &self,
+        path: &Path,
+        scan: &Scan,
+        layers: Option<&ScanLayers>,
+        description: &impl Serialize,
+    ) -> Result<()> {
+        let mut set = ArraySet::new(path);
+        let shape = self.shape(scan);
+        set.add(Role::Array, &shape, self.means.iter().copied())?;
+        if !self.variances.is_empty() {
+            set.add(Role::Variance, &shape, self.variances.iter().copied())?;
+        }
+        if let Some(layers) = layers {
+            set.add_with(Role::Layers, |writer| layers.write(writer))?;
+        }
+        set.publish(description)
     }
 
     fn shape(&self, scan: &Scan) -> Vec<usize> {
@@ -96,45 +106,27 @@ impl ScanFilm {
         shape
     }
 
-    /// The arrays, as [`ScanFilm::write_means`] and [`ScanFilm::write_variances`] write them.
+    /// The arrays, as [`ScanFilm::write`] writes them.
     pub fn into_arrays(self, scan: &Scan) -> ScanArrays {
         let shape = self.shape(scan);
         let variances = Some(self.variances).filter(|variances| !variances.is_empty());
         ScanArrays { shape, means: self.means, variances }
     }
 
-    /// Writes the JSON file that describes the arrays, see [`ScanFilm::description`].
-    #[allow(clippy::too_many_arguments)]
-    pub fn write_description(
-        &self,
-        path: &Path,
-        table: &ScanTable,
-        scan: &Scan,
-        measured: usize,
-        samples: u64,
-        layers: Option<&ScanLayers>,
-        provenance: &Provenance,
-    ) -> Result<()> {
-        write_atomically(path, |writer| {
-            let text = self.description(table, scan, measured, samples, layers, provenance)?;
-            writer.write_all(text.as_bytes())
-        })
-    }
-
     /// JSON that describes the arrays. `measured`: number of points of the laser that were measured. `layers`: what lies beside them.
-    pub fn description(
+    pub fn description<'a>(
         &self,
         table: &ScanTable,
         scan: &Scan,
         measured: usize,
         samples: u64,
-        layers: Option<&ScanLayers>,
-        provenance: &Provenance,
-    ) -> serde_json::Result<String> {
+        layers: Option<&'a ScanLayers>,
+        provenance: &'a Provenance,
+    ) -> Description<'a> {
         let positions = |points: &[glam::DVec3]| points.iter().map(|p| p.to_array()).collect::<Vec<_>>();
         let laser_points = table.points.as_ref().or(table.laser_points.as_ref());
         let sensor_points = table.points.as_ref().or(table.sensor_points.as_ref());
-        let description = Description {
+        Description {
             bins: Bins::of(&provenance.responses),
             responses: provenance.responses.iter().map(Entry::of).collect(),
             axes: match scan.sensor_points {
@@ -160,14 +152,13 @@ impl ScanFilm {
             seed: provenance.seed,
             version: version(),
             settings: &provenance.settings,
-        };
-        serde_json::to_string_pretty(&description)
+        }
     }
 }
 
 /// The file beside the array of a scan. Positions are in metres in world space.
 #[derive(Serialize)]
-struct Description<'a> {
+pub struct Description<'a> {
     #[serde(flatten)]
     bins: Option<Bins>,
     /// The responses along the first axis of the array, in order.

@@ -1,11 +1,9 @@
 //! The auxiliary layers of a scan: what each beam, or each point of the sensor, meets first. A NumPy file of records.
 
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
-use crate::files::write_atomically;
 use crate::image::npy_file::header_of;
 use crate::settings::aov::Aov;
 
@@ -45,8 +43,8 @@ impl ScanLayers {
         all.into_iter().filter_map(|(name, is_chosen)| is_chosen.then_some(name)).collect()
     }
 
-    /// Writes the records, little-endian and without padding.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    /// Writes the records as a `.npy` file, little-endian and without padding.
+    pub fn write(&self, writer: &mut dyn Write) -> io::Result<()> {
         let kind = |name: &str| match name {
             "range" => "'<f4'",
             "object_id" => "'<u4'",
@@ -54,18 +52,16 @@ impl ScanLayers {
         };
         let fields: Vec<String> = self.fields().into_iter().map(|name| format!("('{name}', {})", kind(name))).collect();
         let Aov { depth, normal, albedo, object, .. } = self.chosen;
-        write_atomically(path, |writer| {
-            writer.write_all(&header_of(&format!("[{}]", fields.join(", ")), &[self.hits.len()]))?;
-            for hit in &self.hits {
-                let floats = |is_chosen: bool, values: &'_ [f32]| if is_chosen { values.to_vec() } else { vec![] };
-                let values = [floats(depth, &[hit.range]), floats(normal, &hit.normal), floats(albedo, &hit.albedo)];
-                values.concat().iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))?;
-                if object {
-                    writer.write_all(&hit.object.to_le_bytes())?;
-                }
+        writer.write_all(&header_of(&format!("[{}]", fields.join(", ")), &[self.hits.len()]))?;
+        for hit in &self.hits {
+            let floats = |is_chosen: bool, values: &'_ [f32]| if is_chosen { values.to_vec() } else { vec![] };
+            let values = [floats(depth, &[hit.range]), floats(normal, &hit.normal), floats(albedo, &hit.albedo)];
+            values.concat().iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))?;
+            if object {
+                writer.write_all(&hit.object.to_le_bytes())?;
             }
-            Ok(())
-        })
+        }
+        Ok(())
     }
 }
 
@@ -78,10 +74,8 @@ mod tests {
         let hit = Hit { range: 2.5, normal: [0.0, 1.0, 0.0], albedo: [0.1; 3], object: 7 };
         let chosen = "depth,object".parse().unwrap();
         let layers = ScanLayers { chosen, hits: vec![hit, Hit::default()], objects: BTreeMap::new() };
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scan.aov.npy");
-        layers.write(&path).unwrap();
-        let bytes = std::fs::read(&path).unwrap();
+        let mut bytes = vec![];
+        layers.write(&mut bytes).unwrap();
         let (header, records) = bytes.split_at(128);
         let text = String::from_utf8_lossy(&header[10..]);
         let descr = "{'descr': [('range', '<f4'), ('object_id', '<u4')], 'fortran_order': False, 'shape': (2,), }";

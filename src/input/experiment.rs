@@ -1,4 +1,4 @@
-//! The experiment file: the scene and the settings of a render, as TOML. Every key has the name of its flag.
+//! The experiment file: the scene and the settings of a render, as TOML. Every key may have the name of its flag.
 //!
 //! The same structure also holds the flags of the command line. [`Experiment::over`] merges flags and file. The resolved settings
 //! of a render can be printed as an experiment file, which renders the same image again.

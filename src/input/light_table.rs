@@ -145,7 +145,7 @@ impl Serialize for LightTable {
 
 impl<'de> Deserialize<'de> for LightTable {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<LightTable, D::Error> {
-        let table = LightTable::deserialize(Dashed(deserializer))?;
+        let table = LightTable::deserialize(Dashed(deserializer, |key| key))?;
         table.light(1).map_err(D::Error::custom)?;
         Ok(table)
     }

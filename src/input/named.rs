@@ -7,6 +7,7 @@ use serde_json::Value as Json;
 
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
+use crate::settings::missing;
 use crate::settings::setting::{Form, Setting, Value, Visitor};
 
 /// Sets the setting `name` to `text`, read as on the command line, and removes all settings that exclude it. `None` only removes
@@ -15,7 +16,10 @@ pub fn set(experiment: &mut Experiment, name: &str, text: Option<&str>) -> Resul
     let mut changed = experiment.clone();
     let mut set = Set { name, text, found: None };
     changed.visit(&mut set);
-    set.found.unwrap_or_else(|| Err(Error::Settings(format!("there is no setting --{name}"))))?;
+    set.found.unwrap_or_else(|| {
+        let reason = missing::reason(name).map(|reason| format!(": {reason}")).unwrap_or_default();
+        Err(Error::Settings(format!("there is no setting --{name}{reason}")))
+    })?;
     if text.is_some() {
         changed.visit(&mut LeaveOut(&excluding(name)));
     }

@@ -2,11 +2,12 @@
 
 use super::experiment::Experiment;
 use super::scan_table;
+use crate::settings::missing;
 use crate::settings::setting::{Setting, Value, Visitor};
 
 /// Rewrites a message of the TOML parser about byte `at` of `text`. The result names the table, the key and the remedy. Messages
-/// that are already plain stay as they are. `home` returns the table to which a key belongs, see [`table_of`].
-pub fn plain(message: &str, text: &str, at: usize, home: impl Fn(&str) -> Option<&'static str>) -> String {
+/// that are already plain stay as they are. `home` returns the table to which a key belongs, see [`home_of`].
+pub fn plain(message: &str, text: &str, at: usize, home: impl Fn(&str) -> Option<Home>) -> String {
     let message = message.replace('\n', ", ");
     Place::new(text, at).explain(&message, home).unwrap_or(message)
 }
@@ -50,12 +51,19 @@ impl Place {
         Place { table, key }
     }
 
-    fn explain(&self, message: &str, home: impl Fn(&str) -> Option<&'static str>) -> Option<String> {
+    fn explain(&self, message: &str, home: impl Fn(&str) -> Option<Home>) -> Option<String> {
         let table = if self.table.is_empty() { "the file" } else { &self.table };
         if let Some((key, names)) = quoted(message, "unknown field ") {
-            return Some(match home(key).map(|home| format!("[{home}]")).filter(|home| *home != self.table) {
-                Some(home) => format!("{table} has no key {key}: it belongs to {home}"),
-                None => format!("{table} has no key {key}: choose one of {}", list(names)),
+            let home = home(key).filter(|home| format!("[{}]", home.table) != self.table);
+            return Some(match (home, missing::reason(key)) {
+                (Some(Home { table: home, key: name }), _) if name == key => {
+                    format!("{table} has no key {key}: it belongs to [{home}]")
+                }
+                (Some(Home { table: home, key: name }), _) => {
+                    format!("{table} has no key {key}: it belongs to [{home}], as {name}")
+                }
+                (None, Some(reason)) => format!("{table} has no key {key}: {reason}"),
+                (None, None) => format!("{table} has no key {key}: choose one of {}", list(names)),
             });
         }
         if let Some((key, _)) = quoted(message, "duplicate field ") {
@@ -124,12 +132,27 @@ fn wanted_value(wanted: &str, key: &str) -> String {
     }
 }
 
-/// Name of the table to which `key` belongs in an experiment file; `None` if it belongs to no table.
-pub fn table_of(key: &str) -> Option<&'static str> {
-    struct Find<'a>(&'a str, bool);
+/// The place of a key in an experiment file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Home {
+    /// Name of the table.
+    pub table: &'static str,
+    /// The key, which may be shorter than the name of its flag.
+    pub key: String,
+}
+
+/// Where the key or the flag `name` belongs in an experiment file; `None` if no table has it.
+pub fn home_of(name: &str) -> Option<Home> {
+    /// Looks for a flag, or else for a key.
+    struct Find<'a> {
+        name: &'a str,
+        key: Option<String>,
+    }
     impl Visitor for Find<'_> {
         fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
-            self.1 |= setting.name == self.0;
+            if setting.name == self.name || setting.key() == self.name {
+                self.key = Some(setting.key());
+            }
         }
     }
     type Visit = fn(&mut Experiment, &mut Find);
@@ -142,12 +165,13 @@ pub fn table_of(key: &str) -> Option<&'static str> {
         ("render", |experiment, find| experiment.render.visit(find)),
         ("output", |experiment, find| experiment.output.visit(find)),
     ];
-    let (mut experiment, mut find) = (Experiment::default(), Find(key, false));
-    let table = tables.into_iter().find_map(|(name, visit)| {
+    let (mut experiment, mut find) = (Experiment::default(), Find { name, key: None });
+    let home = tables.into_iter().find_map(|(table, visit)| {
         visit(&mut experiment, &mut find);
-        find.1.then_some(name)
+        find.key.take().map(|key| Home { table, key })
     });
-    table.or(scan_table::KEYS.contains(&key).then_some("scan"))
+    let of_scan = || scan_table::KEYS.contains(&name).then(|| Home { table: "scan", key: name.into() });
+    home.or_else(of_scan)
 }
 
 #[cfg(test)]
@@ -181,7 +205,13 @@ mod tests {
             ("spp = 4", "the file has no key spp: it belongs to [render]"),
             ("[output]\nspp = 4", "[output] has no key spp: it belongs to [render]"),
             ("[render]\nsigma-s = 0.1", "[render] has no key sigma-s: it belongs to [medium]"),
-            ("[gate]\nmedium_group_ior = 1.36", "[gate] has no key medium-group-ior: it belongs to [medium]"),
+            (
+                "[gate]\nmedium_group_ior = 1.36",
+                "[gate] has no key medium-group-ior: it belongs to [medium], as group-ior",
+            ),
+            ("[render]\ngroup-ior = 1.36", "[render] has no key group-ior: it belongs to [medium]"),
+            ("[medium]\ng = 0.8\nphase-g = 0.8", "[medium] has the key g twice: remove one"),
+            ("[camera]\nf_number = 2.8", "[camera] has no key f-number: cameras are pinholes or orthographic"),
             ("[camera]\nlaser = [1, 2, 3]", "[camera] has no key laser: it belongs to [scan]"),
             ("pixel-fov = 3", "the file has no key pixel-fov: it belongs to [scan]"),
             ("[camera]\npower = 3", "[camera] has no key power: choose one of camera"),

@@ -54,7 +54,7 @@ impl Keys {
 
 impl<'de> Deserialize<'de> for ResponseTable {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let keys = Keys::deserialize(Dashed(deserializer))?;
+        let keys = Keys::deserialize(Dashed(deserializer, |key| key))?;
         keys.spec().map(ResponseTable).map_err(D::Error::custom)
     }
 }

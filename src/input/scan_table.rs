@@ -236,7 +236,7 @@ impl Serialize for ScanTable {
 
 impl<'de> Deserialize<'de> for ScanTable {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ScanTable, D::Error> {
-        let table = ScanTable::deserialize(Dashed(deserializer))?;
+        let table = ScanTable::deserialize(Dashed(deserializer, |key| key))?;
         table.scan().map_err(D::Error::custom)?;
         Ok(table)
     }

@@ -67,6 +67,11 @@ impl Sequence {
             }
         }
         let output = &experiment.output;
+        if output.png_gates.is_some() {
+            return Err(Error::settings(
+                "--png-gates needs a single frame: the pictures of a sequence show the sum of all gates",
+            ));
+        }
         if output.strategy_images.is_some() {
             return Err(Error::settings("--strategy-images needs a single frame: render it alone, with --at"));
         }

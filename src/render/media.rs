@@ -11,7 +11,7 @@ use crate::wgsl::layout::constants::{PHASE_DRAINE, PHASE_LOBES, PHASE_RAYLEIGH, 
 use crate::wgsl::layout::{Grid, Medium};
 
 /// Stands for infinity in the corners of media without bounds.
-const FAR: f32 = 3e38;
+pub(super) const FAR: f32 = 3e38;
 /// Upper bound on the cells and blocks of all density grids together: 2 GiB. Common drivers take no larger texel buffers.
 const MAX_TEXELS: u64 = 1 << 27;
 /// Maximum number of media: a vertex has 12 bits for the code of its solid (`shared/solid.wgsl`).

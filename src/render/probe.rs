@@ -64,6 +64,16 @@ impl TravelTimes {
         Some(reached.map_or(hi, |(weight, moment)| (moment / weight).clamp(lo, hi)))
     }
 
+    /// Fraction of the light that arrives inside `gate`; `None` if no light arrived.
+    pub fn share(&self, gate: &Gate) -> Option<f64> {
+        let (first, last) = self.range()?;
+        let inside = self.bins.values().filter(|(weight, moment)| {
+            let time = (moment / weight).clamp(first, last);
+            gate.lo <= time && time < gate.hi
+        });
+        Some(inside.map(|(weight, _)| weight).sum::<f64>() / self.total)
+    }
+
     /// Divides the travel times from the first arrival to `end` (metres) into `count` bins of equal width. Returns the bins, each
     /// with the fraction of the light that arrives in it; the last one contains `end`. Empty if no light arrived until `end`. If all
     /// light arrives at one time, the bins reach a thousandth of it to both sides.
@@ -173,6 +183,13 @@ mod tests {
         ] {
             assert_eq!(t.percentile(percent), Some(tau), "{percent} %");
         }
+    }
+
+    #[test]
+    fn a_gate_has_a_share_of_the_light() {
+        let t = times(&[(4.0, 1.0), (3.0, 2.0), (2.0, 3.0), (1.0, 4.0)]);
+        assert_eq!(t.share(&Gate { lo: 1.0, hi: 3.0 }), Some(0.7));
+        assert_eq!((t.share(&Gate { lo: 5.0, hi: 6.0 }), times(&[]).share(&Gate::OPEN)), (Some(0.0), None));
     }
 
     #[test]

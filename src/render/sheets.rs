@@ -103,7 +103,9 @@ impl Kind {
                 material.thin.is_none() && !mesh.is_flat() && 10 * mesh.open_edges() < 3 * mesh.triangles.len() / 2
             }
             Kind::Water => {
-                material.thin.is_none() && material.volume_thickness > 0.0 && !Kind::AlmostClosed.applies(material, mesh)
+                material.thin.is_none()
+                    && material.volume_thickness > 0.0
+                    && !Kind::AlmostClosed.applies(material, mesh)
             }
             Kind::RoughDelay => is_rough && thickness > 0.0,
             Kind::NoThickness => {
@@ -126,10 +128,14 @@ impl Kind {
                  surface of water or of another solid; leave out one of two parallel faces if it is a pane"
             ),
             Kind::RoughDelay => {
-                format!("the thin glass '{name}' is rough, so its thickness does not delay light; lower its roughness to 0 if it should")
+                format!(
+                    "the thin glass '{name}' is rough, so its thickness does not delay light; lower its roughness to 0 if it should"
+                )
             }
             Kind::NoThickness => {
-                format!("the thin glass '{name}' has no thickness, so its medium absorbs nothing; set extras.thickness in metres")
+                format!(
+                    "the thin glass '{name}' has no thickness, so its medium absorbs nothing; set extras.thickness in metres"
+                )
             }
         }
     }

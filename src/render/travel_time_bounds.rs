@@ -5,6 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::geometry::Geometry;
+use super::media;
 use super::prepared_scene::PreparedScene;
 use crate::settings::Settings;
 use crate::settings::units::Gate;
@@ -21,7 +22,7 @@ pub struct TravelTimeBounds {
     /// No light arrives before this time. Infinite if no path exists.
     #[serde(rename = "least")]
     pub min: f64,
-    /// No light arrives at or after this time: `max_depth` times `max_segment`.
+    /// No light arrives at or after this time: `max_depth` times `max_segment`. Infinite in a medium without bounds.
     #[serde(rename = "greatest")]
     pub max: f64,
     /// Upper bound on the optical length of one segment.
@@ -58,6 +59,9 @@ impl TravelTimeBounds {
         // A solid may be faster than its surroundings, as an air bubble in water is.
         let least_index = if geometry.features.transmission { 1.0 } else { f64::from(media.surrounding[1]) };
         let indices = [least_index, geometry.max_ior.into()];
+        // A medium without bounds scatters light at any distance.
+        let is_bounded = outside.iter().all(|m| [m.lo, m.hi].as_flattened().iter().all(|x| x.abs() < media::FAR));
+        let diameter = if is_bounded { diameter } else { f64::INFINITY };
         let max_segment = space.unit * (diameter * indices[1] + geometry.max_delay) * (1.0 + SLACK);
         let min = space.unit * min * least_index * (1.0 - SLACK);
         TravelTimeBounds { min, max_segment, indices, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
@@ -270,6 +274,18 @@ mod tests {
         assert!(close(travel_time_bounds(&thin).max_segment, opaque));
         thin.materials.iter_mut().for_each(|material| material.thickness = 0.1);
         assert!(travel_time_bounds(&thin).max_segment >= opaque + 0.1 * 1.25f64.sqrt());
+    }
+
+    #[test]
+    fn fog_without_bounds_delays_light_without_limit() {
+        let mut scene = scene(1.0, 0.0, None);
+        let fog = crate::scene::Medium { sigma_s: [0.1; 3], ..crate::scene::Medium::default() };
+        scene.media.push(fog.clone());
+        let without = travel_time_bounds(&scene);
+        assert!(without.max.is_infinite() && without.min > 0.0, "{without:?}");
+        assert!(without.overlaps(&Gate { lo: 1e30, hi: 1e31 }) && without.moved(1.0).max.is_infinite());
+        scene.media[0] = crate::scene::Medium { bounds: Some([DVec3::splat(90.0), DVec3::splat(110.0)]), ..fog };
+        assert!(travel_time_bounds(&scene).max.is_finite());
     }
 
     #[test]

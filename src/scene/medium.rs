@@ -285,7 +285,8 @@ fn check_distance(corners: &[DVec3], name: &str, what: &str) -> Checked {
     }
 }
 
-fn check_bounds(bounds: &[DVec3; 2], name: &str, what: &str) -> Checked {
+/// Fails if `bounds` are not two opposite corners of a box, first the smaller coordinates. `name` and `what` name them in the message.
+pub(crate) fn check_bounds(bounds: &[DVec3; 2], name: &str, what: &str) -> Checked {
     check_distance(bounds, name, what)?;
     let [lo, hi] = bounds;
     match lo.cmplt(*hi).all() {

@@ -26,6 +26,7 @@ pub use camera::{Aim, Camera, Projection};
 pub use light::{Light, LightKind};
 pub(crate) use light::{MAX_DISTANT, cap_height, spot_solid_angle};
 pub use material::{AlphaMode, Material, Retroreflector};
+pub(crate) use medium::check_bounds;
 pub use medium::{DensityGrid, GridFilter, MAX_COEFFICIENT, Medium, PhaseFunction, surrounding_indices};
 pub use optical_thickness::optical_thickness;
 pub use sky::SkyImage;

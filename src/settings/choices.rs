@@ -287,9 +287,8 @@ impl FromStr for ThinGlass {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<ThinGlass> {
-        ThinGlass::ALL
-            .into_iter()
-            .find(|choice| choice.name() == text)
-            .ok_or_else(|| Error::Settings(format!("'{text}' does not say which glass is thin: choose auto, all or none")))
+        ThinGlass::ALL.into_iter().find(|choice| choice.name() == text).ok_or_else(|| {
+            Error::Settings(format!("'{text}' does not say which glass is thin: choose auto, all or none"))
+        })
     }
 }

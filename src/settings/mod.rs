@@ -11,6 +11,7 @@ pub mod exposure;
 #[allow(missing_docs)]
 pub mod frames;
 pub mod frequencies;
+pub mod gate_pictures;
 pub mod gates;
 #[allow(missing_docs)]
 pub mod grid;
@@ -18,6 +19,7 @@ pub mod keys;
 #[allow(missing_docs)]
 pub mod medium;
 #[allow(missing_docs)]
+pub mod missing;
 pub mod moment;
 pub mod numbers;
 pub mod optical_path;

@@ -9,8 +9,11 @@ use crate::settings::Estimator;
 /// One setting: a flag of the command line, and the key of the same name in an experiment file.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting {
-    /// The key in experiment files. The flag is two dashes and this name.
+    /// The flag is two dashes and this name. Experiment files may use it as the key, too.
     pub name: &'static str,
+    /// The field of the table, with underscores; empty outside of tables. With dashes it is the key in experiment files, see
+    /// [`Setting::key`].
+    pub field: &'static str,
     /// The letter of the short flag.
     pub short: Option<char>,
     /// Heading in the help text under which the flag is listed.
@@ -47,6 +50,7 @@ impl Setting {
     const fn new(heading: &'static str, name: &'static str, value: &'static str) -> Setting {
         Setting {
             name,
+            field: "",
             short: None,
             heading,
             value,
@@ -84,6 +88,15 @@ impl Setting {
 
     pub const fn diagnostics(name: &'static str, value: &'static str) -> Setting {
         Setting::new("Diagnostics", name, value)
+    }
+
+    pub const fn field(self, field: &'static str) -> Setting {
+        Setting { field, ..self }
+    }
+
+    /// The key in experiment files. In `[medium]`, some keys are shorter than the flags.
+    pub fn key(&self) -> String {
+        self.field.replace('_', "-")
     }
 
     pub const fn help(self, help: &'static str) -> Setting {
@@ -249,9 +262,18 @@ macro_rules! table {
             /// Calls `visitor` with every setting.
             pub fn visit(&mut self, visitor: &mut impl $crate::settings::setting::Visitor) {
                 $({
-                    const SETTING: &$crate::settings::setting::Setting = &$setting.help(concat!($($help),+));
+                    const SETTING: &$crate::settings::setting::Setting =
+                        &$setting.help(concat!($($help),+)).field(stringify!($field));
                     visitor.visit(SETTING, &mut self.$field);
                 })+
+            }
+
+            /// The key of the setting `name`, or `name` if there is no such setting.
+            fn key_of(name: String) -> String {
+                $(if $setting.name == name {
+                    return stringify!($field).replace('_', "-");
+                })+
+                name
             }
 
             /// Merges two tables: the settings of `self`, and those of `below` that `self` does not give.
@@ -260,7 +282,7 @@ macro_rules! table {
             }
         }
 
-        // `remote = "Self"` derives inherent functions of these names; the traits add dashes.
+        // `remote = "Self"` derives inherent functions of these names; the traits add dashes and the names of flags.
         impl serde::Serialize for $table {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 $table::serialize(self, serializer)
@@ -269,7 +291,7 @@ macro_rules! table {
 
         impl<'de> serde::Deserialize<'de> for $table {
             fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<$table, D::Error> {
-                $table::deserialize($crate::settings::keys::Dashed(deserializer))
+                $table::deserialize($crate::settings::keys::Dashed(deserializer, $table::key_of))
             }
         }
     };

@@ -13,6 +13,7 @@ use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
 use crate::settings::frames::{Frames, GateKeys};
 use crate::settings::frequencies::Frequencies;
+use crate::settings::gate_pictures::GatePictures;
 use crate::settings::gates::Gates;
 use crate::settings::grid::Filter;
 use crate::settings::medium::{
@@ -316,6 +317,10 @@ table! {
 
         /// Also write a tone-mapped picture [default name: the output file with .png]
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
+
+        /// What the picture shows if there are several gates: sum (of all gates), each (a picture per gate, OUT.NAME.png), or strip (all
+        /// gates side by side); all gates have one exposure [default: sum]
+        png_gates: GatePictures, Setting::output("png-gates", "sum|each|strip");
 
         /// Exposure of the picture: auto, or a number of stops (values are multiplied by 2 to this power), so that several
         /// pictures have the same. With auto, all frames of a sequence have one exposure, except with --shard [default: auto]

@@ -174,7 +174,19 @@ macro_rules! serde_as_list {
     )+};
 }
 
-serde_as_text!(Frames, Gate, Gates, Depth, OpticalPath, Seconds, Estimator, Sampling, Strategies, ThinGlass, UseEllipsoids);
+serde_as_text!(
+    Frames,
+    Gate,
+    Gates,
+    Depth,
+    OpticalPath,
+    Seconds,
+    Estimator,
+    Sampling,
+    Strategies,
+    ThinGlass,
+    UseEllipsoids
+);
 serde_as_list! {
     Resolution, "x", "expected width and height, like \"640x480\" or [640, 480]";
     Crop, ",", "expected four numbers, like \"0,100,0,50\" or [0, 100, 0, 50]";

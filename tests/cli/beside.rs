@@ -22,18 +22,21 @@ fn render(here: &Path, scene: &str, flags: &[&str]) -> String {
     message
 }
 
-/// A frame that was killed between two of its files must not block the sequence.
 #[test]
-fn a_description_alone_is_no_finished_frame() {
+fn a_description_or_an_array_alone_is_no_finished_frame() {
     let here = with_box();
     let flags = [&SWEEP[..], &["-o", "f#.npy"]].concat();
     render(here.path(), "scene.glb", &flags);
     let written = |name: &str| std::fs::metadata(here.path().join(name)).unwrap().modified().unwrap();
     for frame in ["f0", "f1"] {
-        assert!(written(&format!("{frame}.json")) <= written(&format!("{frame}.npy")), "{frame}");
+        assert!(written(&format!("{frame}.npy")) <= written(&format!("{frame}.json")), "{frame}");
     }
     std::fs::remove_file(here.path().join("f1.npy")).unwrap();
     assert!(render(here.path(), "scene.glb", &flags).contains("1 of 2 frames exist with the same settings"));
+    // An array without its JSON file may belong to somebody else.
+    std::fs::remove_file(here.path().join("f0.json")).unwrap();
+    let again = [&["render", "scene.glb"], &SMALL[..], &flags].concat();
+    fails(here.path(), &again, 2, "f0.npy exists, but has no JSON file beside it; remove it");
 }
 
 /// Images record the paths of their inputs as the user typed them. The contents of the inputs decide.

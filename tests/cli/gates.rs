@@ -214,6 +214,54 @@ fn variances_of_an_older_array_are_removed() {
     assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb", "counts.json", "counts.npy"]);
 }
 
+/// Readers notice that an array and its JSON file are of two renders.
+#[test]
+fn an_array_beside_the_description_of_another_is_refused() {
+    let here = with_box();
+    let at = |name: &str| here.path().join(name);
+    render(here.path(), &["--gates", "5m..8m/3", "-o", "a.npy", "--variance"]);
+    render(here.path(), &["--gates", "5m..8m/3", "-o", "b.npy", "--variance", "--seed", "2"]);
+    let histogram = ["histogram", "a.npy", "--pixel", "3,2"];
+    assert!(taugate(here.path(), &histogram).status.success());
+    std::fs::copy(at("b.variance.npy"), at("a.variance.npy")).unwrap();
+    fails(here.path(), &histogram, 2, "a.variance.npy: does not belong to a.json");
+    std::fs::copy(at("b.npy"), at("a.npy")).unwrap();
+    for command in
+        [&histogram[..], &["compare", "b.npy", "a.npy"], &["detect", "a.npy", "-o", "c.npy", "--photons", "1"]]
+    {
+        fails(here.path(), command, 2, "a.npy: does not belong to a.json");
+    }
+    std::fs::remove_file(at("a.json")).unwrap();
+    let text = String::from_utf8(taugate(here.path(), &["histogram", "a.npy"]).stdout).unwrap();
+    assert!(text.contains("gate 2"), "{text}");
+}
+
+#[test]
+fn a_picture_shows_the_sum_or_each_gate() {
+    let here = with_box();
+    let gates = ["--gates", "5m..8m/3", "-o", "a.npy", "--png"];
+    render(here.path(), &[&gates[..], &["--png-gates", "each"]].concat());
+    let pictures: Vec<String> = names(here.path()).into_iter().filter(|name| name.ends_with(".png")).collect();
+    assert_eq!(pictures.len(), 3, "{pictures:?}");
+    let size = |name: &str| {
+        let bytes = std::fs::read(here.path().join(name)).unwrap();
+        let word = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+        [word(16), word(20)]
+    };
+    let [width, height] = size(&pictures[0]);
+    render(here.path(), &[&gates[..], &["--png-gates", "strip"]].concat());
+    // Three pictures fit one row.
+    assert_eq!(size("a.png"), [3 * width, height]);
+    render(here.path(), &gates);
+    assert_eq!(size("a.png"), [width, height]);
+    let detect = ["detect", "a.npy", "-o", "counts.npy", "--photons", "1e3", "--png"];
+    assert!(taugate(here.path(), &detect).status.success());
+    assert_eq!(size("counts.png"), [width, height]);
+    fails(here.path(), &[&detect[..], &["counts.exr"]].concat(), 2, "must end in .png");
+    let no_picture = ["render", "box.glb", "-o", "b.npy", "--gates", "5m..8m/3", "--png-gates", "each"];
+    fails(here.path(), &no_picture, 2, "--png-gates is for the picture: add --png");
+}
+
 /// Depths never belong to an older array of the same name.
 #[test]
 fn depths_of_an_older_array_are_removed() {

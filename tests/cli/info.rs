@@ -13,7 +13,7 @@ use taugate::internals::render::{MemoryPlan, PreparedScene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::values::Resolution;
 
-use crate::taugate;
+use crate::{names, taugate};
 
 /// A folder with one of the generated scenes as `scene.glb`.
 fn scene(name: &str) -> tempfile::TempDir {
@@ -150,10 +150,10 @@ fn force_writes_the_black_image() {
         assert_eq!(stats["renderer"]["samples"], 1024);
     }
     // A budget of time is not spent on a black image.
-    let minute = ["--resolution", "32x32", "--time", "60s", "--force", "--gate", "500m..501m"];
+    let hour = ["--resolution", "32x32", "--time", "1h", "--force", "--gate", "500m..501m"];
     let start = Instant::now();
-    assert!(taugate(here.path(), &[&files[..], &minute[..]].concat()).status.success());
-    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
+    assert!(taugate(here.path(), &[&files[..], &hour[..]].concat()).status.success());
+    assert!(start.elapsed() < Duration::from_secs(1800), "{:?}", start.elapsed());
 }
 
 #[test]
@@ -218,6 +218,47 @@ fn a_pool_that_is_likely_too_large_is_warned_about() {
     let message = message.expect("a warning");
     assert!(fits && message.contains("light vertices need 504 MiB") && message.contains("--light-paths"), "{message}");
     assert_eq!(warning(7 << 20), (None, false), "the plan must refuse what does not fit for certain");
+}
+
+#[test]
+fn an_experiment_has_its_camera_its_medium_and_its_gate() {
+    let here = scene("cornell-box");
+    let text = "scene = 'scene.glb'\n[camera]\nresolution = '40x30'\n[medium]\nsigma-s = 0.01\nphase-g = 0.5\n[gate]\ngate = '4m..8m'\n\
+                [output]\noutput = 'scene.glb'\n";
+    std::fs::write(here.path().join("e.toml"), text).unwrap();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), &[&["info", "e.toml"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let json: Value = serde_json::from_str(&run(&["--json"])).unwrap();
+    assert_eq!(json["render"]["resolution"], serde_json::json!([40, 30]));
+    assert_eq!(json["media"].as_array().unwrap().len(), 1);
+    // Fog without bounds may scatter light at any distance.
+    assert!(json["render"]["possible"]["greatest"].is_null(), "{}", json["render"]["possible"]);
+    let share = json["render"]["gate"]["share"].as_f64().unwrap();
+    assert!((0.5..0.99).contains(&share), "{share}");
+    let text = run(&["--resolution", "16x16"]);
+    assert!(text.contains("16x16 through") && text.contains("without an upper limit"), "{text}");
+    assert!(text.contains("% of the light arrives in it"), "{text}");
+    assert!(names(here.path()) == ["e.toml", "scene.glb"]);
+}
+
+#[test]
+fn a_broken_driver_manifest_is_no_lack_of_memory() {
+    let here = scene("cornell-box");
+    std::fs::write(here.path().join("broken.json"), "{ \"ICD\": { \"library_path\": 3").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_taugate"))
+        .args(["render", "scene.glb", "-o", "out.exr", "--resolution", "8x8", "--spp", "1"])
+        .env("VK_DRIVER_FILES", here.path().join("broken.json"))
+        .env("VK_ICD_FILENAMES", here.path().join("broken.json"))
+        .current_dir(here.path())
+        .output()
+        .unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(4), "{message}");
+    assert!(!message.contains("out of memory") && !message.contains("--resolution"), "{message}");
+    assert!(message.contains("driver manifests") || message.contains("no Vulkan driver"), "{message}");
 }
 
 #[test]

@@ -112,6 +112,20 @@ fn help_is_what_was_reviewed() {
 }
 
 #[test]
+fn flags_of_other_renderers_say_what_to_do_instead() {
+    let here = folder();
+    for (flag, part) in [
+        ("--shutter", "render several moments with --at"),
+        ("--f-number", "cameras are pinholes"),
+        ("--focus", "cameras are pinholes"),
+        ("--distortion", "distort the image"),
+    ] {
+        let message = fails(here.path(), &["render", "a.glb", flag, "2"], 2, part);
+        assert!(message.contains("docs/LIMITS.md") && message.contains(flag), "{message}");
+    }
+}
+
+#[test]
 fn version_and_usage() {
     let here = folder();
     assert!(taugate(here.path(), &["--version"]).status.success());

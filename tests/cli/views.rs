@@ -177,7 +177,7 @@ fn a_comparison_gives_a_verdict_and_a_map() {
     assert!(map.rgb.iter().all(|&z| z <= 4.0) && map.rgb.iter().any(|&z| z < -4.0));
     let (json, _) = compare(&["late.exr", "a.exr", "--z", "map.png", "--json"], 1);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert!(json["z"]["agree"] == false && json["z"]["max_z"].as_f64() > json["z"]["threshold"].as_f64());
+    assert!(json["z"]["verdict"] == "differ" && json["z"]["max_z"].as_f64() > json["z"]["threshold"].as_f64());
     let worst = &json["z"]["worst"][0];
     assert!(worst["x"][1].as_u64() <= Some(20) && worst["z"].as_f64() < Some(-4.0), "{worst}");
     for picture in ["same.png", "map.png"] {

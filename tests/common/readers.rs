@@ -17,7 +17,7 @@ use taugate::internals::scene::{gltf, grid};
 use crate::memory::peak_of;
 
 /// Longest time that a reader may take for a file of the corpus or of the fuzzer.
-const MAX_TIME: Duration = Duration::from_secs(5);
+const MAX_TIME: Duration = Duration::from_secs(60);
 /// Bytes of memory that a reader may take whatever the length of the file.
 const FREE_BYTES: usize = 256 << 20;
 /// Bytes of memory that a reader may take for each byte of the file, beyond [`FREE_BYTES`].
@@ -56,7 +56,7 @@ const fn reader(name: &'static str, bytes_per_byte: usize, read: fn(&[u8])) -> R
 }
 
 impl Reader {
-    /// Reads `bytes`. Panics if the reader does, if it takes more than 5 s, or if it allocates more than [`FREE_BYTES`] and
+    /// Reads `bytes`. Panics if the reader does, if it takes more than a minute, or if it allocates more than [`FREE_BYTES`] and
     /// `bytes_per_byte` for each byte of the file.
     pub fn check(&self, bytes: &[u8]) {
         let start = Instant::now();

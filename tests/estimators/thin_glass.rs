@@ -11,8 +11,7 @@ use taugate::internals::settings::units::Gate;
 
 use super::cells::{Cells, renderer, settings, threshold};
 
-const ALL: [Estimator; 5] =
-    [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs, Estimator::Epc];
+const ALL: [Estimator; 5] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs, Estimator::Epc];
 const INDEX: f64 = 1.5;
 /// Distance of the wall, and intensity of the lamp at the pinhole.
 const WALL: f64 = 4.0;
@@ -173,7 +172,9 @@ fn fog_behind(thickness: f64) {
         let steps = 10_000;
         let width = (to - from) / f64::from(steps);
         let at = |k: i32| from + (f64::from(k) + 0.5) * width;
-        (0..steps).map(|k| sigma_s * INTENSITY / (4.0 * PI) * (-2.0 * sigma_t * at(k)).exp() / at(k).powi(2) * width).sum::<f64>()
+        (0..steps)
+            .map(|k| sigma_s * INTENSITY / (4.0 * PI) * (-2.0 * sigma_t * at(k)).exp() / at(k).powi(2) * width)
+            .sum::<f64>()
     };
     let delay = thickness * (INDEX - 1.0);
     let passed = transmittance(0.0).powi(2);

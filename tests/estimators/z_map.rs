@@ -37,7 +37,7 @@ fn alarms(pairs: u32, estimators: &[Estimator], samples: u32) -> [usize; 3] {
             let mut one = |seed| batches(&mut r, GATE, seed, 16, samples);
             let (a, b) = (one(2 * pair), one(2 * pair + 1));
             let found = agreement(SIZE, &a, &b).unwrap();
-            counts[0] += usize::from(!found.agree);
+            counts[0] += usize::from(!found.is_within_noise());
             counts[1] += usize::from(found.max_z > sidak_threshold(0.05, found.tests));
             counts[2] += 1;
             eprintln!("{estimator:?}: max |z| {:.2}, {} means of {} pixels", found.max_z, found.tests, found.cell);
@@ -80,9 +80,9 @@ fn small_errors_are_found() {
         eprintln!("{name}: max |z| {:.2} of {} means, threshold {:.2}", found.max_z, found.tests, found.threshold);
         found
     };
-    assert!(judge("the same", &right).agree);
-    assert!(!judge("gate off by 2 %", &late).agree);
-    assert!(!judge("light off by 3 %", &brighter).agree);
+    assert!(judge("the same", &right).is_within_noise());
+    assert!(!judge("gate off by 2 %", &late).is_within_noise());
+    assert!(!judge("light off by 3 %", &brighter).is_within_noise());
 }
 
 /// Why cells record their own batches: pixels are correlated, so the variances of pixels add up to less than the variance of

@@ -139,7 +139,7 @@ fn a_hangup_does_not_end_a_render_that_nohup_keeps_alive() {
         Ok(())
     };
     let mut command =
-        taugate(folder.path(), &["render", "box.glb", "-o", "out.exr", "--resolution", "32x32", "--time", "6s", "-q"]);
+        taugate(folder.path(), &["render", "box.glb", "-o", "out.exr", "--resolution", "32x32", "--time", "15s", "-q"]);
     // SAFETY: `ignore` allocates nothing and takes no lock.
     let mut child = unsafe { command.pre_exec(ignore) }.spawn().unwrap();
     let started = Instant::now();
@@ -236,6 +236,15 @@ fn a_render_that_meets_a_full_disk_is_saved_elsewhere() {
     let render = "\"$0\" render box.glb --estimator bdpt --resolution 96x96 --spp 1";
     let image = saved(&format!("{render} --gate 6m..8m -o light.npy -o disk/out.exr"));
     assert_eq!(read_picture(&image).unwrap().width, 96);
+    // The old set of an array stays whole if the new one has no space.
+    let sets = "\"$0\" render box.glb -q --gates 5m..8m/3 --resolution 8x8 --spp 1 -o disk/a.npy || exit 9; \
+                head -c 99999 /dev/zero > disk/full 2> messages; truncate -s -8192 disk/full; \
+                \"$0\" render box.glb -q --gates 4m..9m/3 --resolution 32x32 --spp 1 -o disk/a.npy; code=$?; \
+                \"$0\" histogram disk/a.npy --json > old.json || exit 9; exit $code";
+    assert!(saved(sets).with_extension("json").exists());
+    let rows: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("old.json")).unwrap()).unwrap();
+    assert_eq!((rows[0]["begin_m"].as_f64(), rows[2]["end_m"].as_f64()), (Some(5.0), Some(8.0)));
     // Other results that take time are saved too.
     assert!(saved("\"$0\" detect light.npy -o disk/counts.npy --photons 1").ends_with("counts.npy"));
     let strategies = saved(&format!("{render} --max-depth 2 -o out.exr --strategy-images disk/pyramid"));
@@ -247,6 +256,41 @@ fn a_render_that_meets_a_full_disk_is_saved_elsewhere() {
     let bench =
         "head -c 36000 /dev/zero > disk/full; \"$0\" bench s.toml --out disk/out --reference --reference-time 10ms";
     assert_eq!(read_picture(&saved(bench)).unwrap().width, 24);
+}
+
+/// Where no thread can be started, there is one message and no panic. The limit does not hold for root, so root becomes another user.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_threads_there_is_a_message() {
+    let folder = with_box();
+    let limited = |arguments: &[&str]| {
+        let mut command = taugate(folder.path(), arguments);
+        // SAFETY: the calls may be made between fork and exec.
+        unsafe {
+            command.pre_exec(|| {
+                if libc::geteuid() == 0 && (libc::setgid(54_321) != 0 || libc::setuid(54_321) != 0) {
+                    return Err(std::io::Error::last_os_error());
+                }
+                let limit = libc::rlimit { rlim_cur: 1, rlim_max: 1 };
+                match libc::setrlimit(libc::RLIMIT_NPROC, &raw const limit) {
+                    0 => Ok(()),
+                    _ => Err(std::io::Error::last_os_error()),
+                }
+            })
+        };
+        command.output()
+    };
+    // Other users may not be allowed to read the program.
+    if !limited(&["--version"]).is_ok_and(|output| output.status.success()) {
+        println!("skipped: another user cannot run the program");
+        return;
+    }
+    for arguments in [&["info", "box.glb"][..], &["render", "box.glb", "-o", "x.exr"], &["devices"]] {
+        let output = limited(arguments).unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(4), "{arguments:?}: {message}");
+        assert!(message.contains("allows no more threads") && !message.contains("panicked"), "{message}");
+    }
 }
 
 /// SIGKILL leaves a temporary file. The next render to the same name removes it.

@@ -140,7 +140,7 @@ fn report_outcome(scene: &str, path: &Path, report: &ReferenceReport, progress: 
         OtherVersion::Unverified => progress.line(&format!("{scene}: {old} cannot be checked; a new one was started, and the old one is kept beside it")),
     }
     let Agreement { max_z, threshold, tests, .. } = agreement;
-    if !agreement.agree {
+    if !agreement.is_within_noise() {
         progress.failure(&format!(
             "{scene}: no reference was written, because the render by {variant} in {taken} differs from {judge} (|z| = {max_z:.1} in \
              one of {tests} means of cells, where {threshold:.1} is significant); {} keeps it, and the next run has other seeds",

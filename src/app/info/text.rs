@@ -62,7 +62,8 @@ fn add_contents(lines: &mut Lines, r: &Report) {
         let size = camera.resolution.map(|[w, h]| format!(", {w}x{h} pixels")).unwrap_or_default();
         let view = match (camera.degrees_high, camera.metres_high) {
             (_, Some(metres)) => format!("orthographic, {} m high", short(metres)),
-            (degrees, None) => format!("vertical field of view {:.1} degrees", degrees.unwrap_or_default()),
+            (Some(degrees), None) => format!("vertical field of view {degrees:.1} degrees"),
+            (None, None) => "looks at the points of the scan".into(),
         };
         format!("{} at {}, {view}{size}", camera.name, point(&camera.position))
     });
@@ -113,18 +114,18 @@ fn add_memory(lines: &mut Lines, render: &Render) {
 fn add_travel_times(lines: &mut Lines, render: &Render, has_triangles: bool) {
     if let Some(p) = &render.possible {
         let ns = |metres: f64| short(metres / METRES_PER_NS);
-        lines.line(
-            "possible",
-            format!(
-                "travel times from {} m = {} ns to {} m = {} ns ({} segments of at most {} m)",
-                short(p.min),
-                ns(p.min),
+        let least = format!("travel times from {} m = {} ns", short(p.min), ns(p.min));
+        let greatest = match p.max.is_finite() {
+            true => format!(
+                " to {} m = {} ns ({} segments of at most {} m)",
                 short(p.max),
                 ns(p.max),
                 p.max_depth,
                 short(p.max_segment)
             ),
-        );
+            false => ", without an upper limit, because the medium fills all space".into(),
+        };
+        lines.line("possible", least + &greatest);
     }
     if let Some(Shown { column, row, object }) = &render.pixel {
         let shown = object.as_ref().map_or("no surface".into(), describe);
@@ -132,6 +133,14 @@ fn add_travel_times(lines: &mut Lines, render: &Render, has_triangles: bool) {
     }
     if let Some(map) = &render.map {
         add_map(lines, map);
+    }
+    if let Some(gate) = &render.gate {
+        let share = match gate.share {
+            Some(share) if share > 0.0 => format!(": {:.2} % of the light arrives in it", 100.0 * share),
+            Some(_) => ": no light that the probe has seen arrives in it".into(),
+            None => String::new(),
+        };
+        lines.line("gate", format!("{}{share}", gate.gates));
     }
     let Some(light) = &render.light else { return };
     let arrival = |a: &Arrival| {

@@ -7,9 +7,7 @@ use std::time::Instant;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
-use taugate::internals::image::npy_file::{description_path, variance_path};
 use taugate::internals::image::scan_file::ScanFilm;
-use taugate::internals::image::scan_layers::layers_path;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve;
 use taugate::internals::input::scan_table::ScanTable;
@@ -125,19 +123,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     session.interrupts.end_the_process_at(Interrupt::None);
     let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed);
     let mut rescue = Rescue::default();
-    let is_in_place = rescue.write(&path, |path| film.write_means(path, &scan));
-    let description = description_path(&path);
-    rescue.write(&description, |path| match path == description && !is_in_place {
-        // Another array may still lie beside it. The description goes where the scan is.
-        true => Err(Error::settings("the scan could not be written")),
-        false => film.write_description(path, table, &scan, measured, samples, layers.as_ref(), &provenance),
-    });
-    if has_variance {
-        rescue.write(&variance_path(&path), |path| film.write_variances(path, &scan));
-    }
-    if let Some(layers) = &layers {
-        rescue.write(&layers_path(&path), |path| layers.write(path));
-    }
+    let description = film.description(table, &scan, measured, samples, layers.as_ref(), &provenance);
+    rescue.write(&path, |path| film.write(path, &scan, layers.as_ref(), &description));
     rescue.finish()?;
     let is_whole = measured == count;
     if let Some(warning) = dropped(measurement.renderer().stats().dropped) {

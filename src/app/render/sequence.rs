@@ -92,6 +92,9 @@ pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
         Err(Error::settings(message))
     };
     for path in [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists()) {
+        if Some(path) == outputs.npy.as_ref() && !description_path(path).exists() {
+            return other(path, "has no JSON file beside it");
+        }
         let found = settings_of(path).unwrap_or_default();
         let (inputs, found) = match found.strip_prefix(INPUTS).and_then(|rest| rest.split_once('\n')) {
             Some((inputs, rest)) => (Some(inputs), rest),

@@ -20,6 +20,7 @@ const ELSEWHERE: [&str; 15] = [
     "printable.rs",
     "self_check",
     "tev",
+    "threads.rs",
 ];
 
 fn root() -> &'static Path {

@@ -22,6 +22,9 @@ impl Experiment {
         if was_exposed && !is_exposed(&below.output) && !is_exposed(&self.output) {
             below.output.exposure = None;
         }
+        if !has_pictures(&below.output) && !has_pictures(&self.output) {
+            below.output.png_gates = None;
+        }
         below.gate.leave_responses_to(&self.gate);
         if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
             (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);

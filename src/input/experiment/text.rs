@@ -1,7 +1,7 @@
 //! Parses the text of an experiment, with errors that say where a mistake stands.
 
 use super::Experiment;
-use crate::input::plain::{plain, table_of};
+use crate::input::plain::{home_of, plain};
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::table::GateTable;
 
@@ -11,7 +11,7 @@ impl Experiment {
         let mut experiment: Experiment = toml::from_str(text).map_err(|e| {
             let at = e.span().map_or(0, |span| span.start);
             let (line, column) = position(text, at);
-            ParseError { line, column, message: plain(e.message(), text, at, table_of) }
+            ParseError { line, column, message: plain(e.message(), text, at, home_of) }
         })?;
         let tables = std::mem::take(&mut experiment.response).into_iter().map(|table| table.0);
         let specs: Vec<ResponseSpec> =

@@ -9,6 +9,7 @@ use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::gate_pictures::GatePictures;
 use crate::settings::shard::Shard;
 use crate::settings::table::OutputTable;
 use crate::settings::values::Png;
@@ -29,6 +30,10 @@ pub struct Outputs {
     /// Whether the array is that of a scan.
     pub is_scan: bool,
     pub png: Option<PathBuf>,
+    /// What the picture shows if there are several gates.
+    pub png_gates: GatePictures,
+    /// The names of the gates, for files that contain them.
+    pub gate_names: Vec<String>,
     /// Exposure of the picture `png`.
     pub exposure: Exposure,
     pub stats: Option<PathBuf>,
@@ -57,7 +62,8 @@ impl Outputs {
             files.extend(self.depth.then(|| npy_file::depth_path(npy)));
             files.extend((self.is_scan && self.aov != Aov::default()).then(|| layers_path(npy)));
         }
-        files.extend([&self.png, &self.stats].into_iter().flatten().cloned());
+        files.extend(self.pictures());
+        files.extend(self.stats.clone());
         files.extend(self.checkpoint.iter().map(|(path, _)| path.clone()));
         files
     }
@@ -67,6 +73,17 @@ impl Outputs {
         let mut files = self.files();
         files.extend(self.npy.as_deref().map_or(vec![], |npy| npy_file::paths_beside(npy).into()));
         files
+    }
+
+    /// The pictures: one, or with [`GatePictures::Each`] one per gate, in the order of the gates.
+    pub fn pictures(&self) -> Vec<PathBuf> {
+        let Some(png) = &self.png else { return vec![] };
+        match self.png_gates {
+            GatePictures::Each if self.gate_names.len() > 1 => {
+                self.gate_names.iter().map(|name| png.with_extension(format!("{name}.png"))).collect()
+            }
+            _ => vec![png.clone()],
+        }
     }
 
     /// The files that keep the sums.
@@ -151,8 +168,10 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
             return Err(Error::settings(format!("the picture {} must end in .png", path.display())));
         }
     };
-    if wanted.exposure.is_some() && png.is_none() {
-        return Err(Error::settings("--exposure is for the picture: add --png"));
+    for (flag, is_given) in [("exposure", wanted.exposure.is_some()), ("png-gates", wanted.png_gates.is_some())] {
+        if is_given && png.is_none() {
+            return Err(Error::settings(format!("--{flag} is for the picture: add --png")));
+        }
     }
     // The extension .json ensures that the file cannot overwrite the scene, the experiment or an image.
     let stats = wanted.stats.clone();
@@ -177,6 +196,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         aov,
         is_scan,
         png,
+        png_gates: wanted.png_gates.unwrap_or_default(),
+        gate_names: responses.iter().enumerate().map(|(k, response)| file_name(response.name(), k)).collect(),
         exposure,
         stats,
         strategy_images: wanted.strategy_images.clone(),
@@ -185,6 +206,12 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     };
     check_shard(wanted.shard.unwrap_or(Shard::ALL), &outputs)?;
     Ok(outputs)
+}
+
+/// The name of gate `number` in the names of files: its own name, or its number if the name could lead to another folder.
+fn file_name(name: &str, number: usize) -> String {
+    let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c));
+    if is_plain { name.into() } else { format!("gate{number}") }
 }
 
 /// Fails if a part of a render would not be kept as sums. Also sums that a render continues may be of a shard.

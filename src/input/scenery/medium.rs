@@ -6,7 +6,7 @@ use super::grid::grid;
 use super::phase::phase;
 use crate::error::{Error, Result};
 use crate::input::medium_tables::MediumTables;
-use crate::scene::{Medium, Scene};
+use crate::scene::{Medium, Scene, check_bounds};
 use crate::settings::medium::{Bounds, Coefficient, Distance, RefractiveIndex, Share};
 use crate::settings::table::MediumTable;
 
@@ -48,6 +48,10 @@ pub(super) fn apply(tables: &MediumTables, scene: &mut Scene) -> Result<()> {
 
 /// The medium of a table. `name` names it in messages.
 fn checked_medium(table: &MediumTable, name: &str) -> Result<Medium> {
+    if let Some(Bounds(corners)) = table.bounds {
+        // Before a grid is read: its file is not to blame.
+        check_bounds(&corners.map(DVec3::from), name, "bounds").map_err(Error::Settings)?;
+    }
     let medium = medium(table).map_err(|message| Error::Settings(format!("{name}: {message}")))?;
     medium.check(name).map_err(Error::Settings)?;
     Ok(medium)
@@ -225,6 +229,7 @@ mod tests {
             ("sigma_s = 1\ng = 0.5\ng2 = 0.1\nphase = 'double-hg'", "--phase-weight"),
             ("sigma_s = 1\nbounds = [[0, 0, 0], [1, 0, 1]]", "first corner is not below"),
             ("sigma_s = 1\nbounds = [0, 0, 0]", "two corners"),
+            ("sigma_s = 1\ngrid = 'none.npy'\nbounds = [[1, 1, 1], [0, 0, 0]]", "first corner is not below the second"),
             ("sigma_s = 1\nno_medium = true", "remove one of them"),
             ("sigma = 1", "sigma"),
         ];

@@ -33,6 +33,7 @@ fn check(experiment: &Experiment) -> Result<()> {
         ("--gate-keys", experiment.gate.gate_keys.is_some(), "give it gates with --gates"),
         ("--aov arrival", has_arrival, "its histograms show when light arrives"),
         ("--png", output.png.is_some(), "a scan has no image"),
+        ("--png-gates", output.png_gates.is_some(), "a scan has no image"),
         ("--gif", output.gif.is_some(), "a scan has no image"),
         ("--contact-sheet", output.contact_sheet.is_some(), "a scan has no image"),
         ("--stats", output.stats.is_some(), "a scan has no statistics"),

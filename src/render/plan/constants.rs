@@ -85,5 +85,8 @@ impl Plan {
 
 /// Whether light is faster in a transmitting solid than outside, where it travels with `group_index`.
 pub fn has_fast_solids(scene: &Scene, group_index: f32) -> bool {
-    scene.materials.iter().any(|material| material.transmits() && material.thin != Some(true) && material.ior < group_index)
+    scene
+        .materials
+        .iter()
+        .any(|material| material.transmits() && material.thin != Some(true) && material.ior < group_index)
 }

@@ -6,6 +6,7 @@ use super::*;
 use crate::gpu::ReadBack;
 use crate::render::plan::Observe;
 use crate::render::stats::computes_wrongly;
+use crate::threads::spawn_scoped;
 use crate::wgsl::layout::Candidate;
 use crate::wgsl::layout::constants::NOT_TRACED;
 
@@ -196,7 +197,8 @@ fn in_parts<T: Send>(
     // The caller holds the lock of the device. A rayon thread that waits may take up a task that needs this lock, and would
     // then wait forever. So these are plain threads.
     std::thread::scope(|scope| {
-        let others: Vec<_> = parts.map(|part| scope.spawn(move || read_all(part))).collect();
+        let others = parts.map(|part| spawn_scoped(scope, "read", move || read_all(part)));
+        let others = others.collect::<Result<Vec<_>>>()?;
         let others = others.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
         std::iter::once(read_all(first)).chain(others).collect()
     })

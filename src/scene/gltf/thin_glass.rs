@@ -22,7 +22,9 @@ pub fn read(extras: &Extras, material: &mut Material, warnings: &mut Warnings) {
         Some(_) => warn_of_foreign("thin", &of, "true or false", warnings),
         None => {}
     }
-    match member(extras, "thickness").map(|value| value.as_f64().filter(|metres| (0.0..=MAX_THICKNESS).contains(metres))) {
+    match member(extras, "thickness")
+        .map(|value| value.as_f64().filter(|metres| (0.0..=MAX_THICKNESS).contains(metres)))
+    {
         Some(Some(metres)) => material.thickness = metres as f32,
         Some(None) => warn_of_foreign("thickness", &of, "a number of metres from 0 on", warnings),
         None => {}

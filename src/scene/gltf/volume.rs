@@ -28,7 +28,9 @@ impl Default for Volume {
 pub fn read_volume(source: &json::Material, name: &str, warnings: &mut Warnings) -> Checked<(f32, Option<[f64; 3]>)> {
     let others = source.extensions.as_ref().map(|extensions| &extensions.others);
     let volume = others.map(|others| read::<Volume>(others, "KHR_materials_volume", name)).transpose()?.flatten();
-    let Some(Volume { thickness_factor, attenuation_distance, attenuation_color }) = volume else { return Ok((0.0, None)) };
+    let Some(Volume { thickness_factor, attenuation_distance, attenuation_color }) = volume else {
+        return Ok((0.0, None));
+    };
     if !(thickness_factor.is_finite() && thickness_factor >= 0.0) {
         return Err(format!("the thicknessFactor of material `{name}` is {thickness_factor}; it must be 0 or more"));
     }

@@ -36,6 +36,7 @@ fn names_are_the_keys_of_the_file_and_all_have_help() {
                 "on",
                 "localhost:1",
                 "0/2",
+                "strip",
                 "word",
             ];
             *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());

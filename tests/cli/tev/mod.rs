@@ -172,10 +172,10 @@ fn a_tev_that_reads_nothing_delays_the_render_by_seconds_only() {
     drop(tev.join().unwrap());
     let [warning] = warnings(&message)[..] else { panic!("{message}") };
     assert!(warning.contains("did not take the whole image within 5 s"), "{warning}");
-    // For comparison: the time without tev.
+    // The render waits for tev once, and not once per packet. With a busy machine, all may take 20 times as long.
     let free = Instant::now();
     taugate(here.path(), &[&["render", "scene.glb"], &SMALL[..], &flags].concat());
-    let bound = 2 * free.elapsed() + Duration::from_secs(7);
+    let bound = 20 * (free.elapsed() + Duration::from_secs(5));
     assert!(elapsed < bound, "{elapsed:?}, although it takes {:?} without tev", free.elapsed());
 }
 

@@ -121,7 +121,9 @@ fn offers_are_rare_and_cost_nothing_in_between() {
         });
         sleep(Duration::from_millis(1));
     }
-    assert!((1..=2).contains(&made), "{made} snapshots in a second");
+    // On a busy machine, more than a second has passed.
+    let most = 1 + (start.elapsed().as_secs_f64() / 0.6) as usize;
+    assert!((1..=most).contains(&made), "{made} snapshots in {:?}", start.elapsed());
     drop(stream);
     viewer.join().unwrap();
 }
@@ -138,16 +140,17 @@ fn a_tev_that_reads_nothing_delays_the_end_once() {
     let start = Instant::now();
     let warning = stream.finish(SECOND).unwrap();
     assert!(warning.contains("did not take the whole image within 1 s"), "{warning}");
-    assert!((SECOND..2 * SECOND).contains(&start.elapsed()), "{:?}", start.elapsed());
+    assert!((SECOND..20 * SECOND).contains(&start.elapsed()), "{:?}", start.elapsed());
     // The next frame of a sequence neither waits nor warns again, and the mailbox holds one snapshot at most.
     let start = Instant::now();
     for _ in 0..100 {
         stream.offer(|| unreachable!("tev does not take the snapshot before"));
     }
     stream.offer_last(|| large);
-    assert_eq!(stream.finish(30 * SECOND), None);
+    // A stream that waits would wait for a minute.
+    assert_eq!(stream.finish(60 * SECOND), None);
     drop(stream);
-    assert!(start.elapsed() < SECOND, "{:?}", start.elapsed());
+    assert!(start.elapsed() < 20 * SECOND, "{:?}", start.elapsed());
 }
 
 /// tev is closed and started again. The user hears of it once, and sees the whole image again.
@@ -169,7 +172,7 @@ fn a_tev_that_comes_back_gets_the_whole_image() {
     let start = Instant::now();
     let mut is_offered = false;
     while !is_offered {
-        assert!(start.elapsed() < 30 * SECOND, "it does not connect again");
+        assert!(start.elapsed() < 60 * SECOND, "it does not connect again");
         stream.offer(|| {
             is_offered = true;
             image.clone()

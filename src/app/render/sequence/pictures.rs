@@ -18,16 +18,7 @@ use super::super::Session;
 use super::files;
 use crate::app::accumulated;
 use crate::app::rescue::Rescue;
-
-/// Maximum width and height of the contact sheet, in pixels. Larger frames are reduced.
-const MAX_SIDE: usize = 4096;
-
-/// A frame in linear colours.
-struct Linear {
-    width: usize,
-    height: usize,
-    rgb: Vec<f32>,
-}
+use crate::app::sheet::{Linear, sheet};
 
 /// Writes the pictures that the user wants: of the frames, the contact sheet and the animation. `kept`: the frames that existed before.
 pub fn write(sequence: &Sequence, kept: &[u32], session: &mut Session) -> anyhow::Result<()> {
@@ -62,7 +53,7 @@ pub fn write(sequence: &Sequence, kept: &[u32], session: &mut Session) -> anyhow
     // Only a whole sequence has a contact sheet or an animation.
     let exposure = exposure.unwrap_or(1.0);
     if let Some(path) = &sequence.contact_sheet {
-        let (width, height, rgb) = sheet(&own)?;
+        let Linear { width, height, rgb } = sheet(own.len(), |frame| read(&own[frame]))?;
         if rescue.write(path, |path| png_file::write(path, width as u32, height as u32, &rgb, exposure)) {
             session.progress.line(&path.display().to_string());
         }
@@ -123,51 +114,9 @@ fn read(outputs: &Outputs) -> Result<Linear> {
     Ok(Linear { width: array.width, height: array.height, rgb })
 }
 
-/// All frames in rows: width, height and colours.
-fn sheet(outputs: &[Outputs]) -> Result<(usize, usize, Vec<f32>)> {
-    let columns = columns(outputs.len());
-    let rows = outputs.len().div_ceil(columns);
-    let Linear { width, height, .. } = read(&outputs[0])?;
-    let factor = (columns * width).max(rows * height).div_ceil(MAX_SIDE);
-    let [width, height] = [(width / factor).max(1), (height / factor).max(1)];
-    let mut sheet = vec![0.0; 3 * columns * width * rows * height];
-    for (number, outputs) in outputs.iter().enumerate() {
-        let frame = read(outputs)?;
-        let [left, top] = [number % columns * width, number / columns * height];
-        for y in 0..height {
-            for x in 0..width {
-                let at = 3 * ((top + y) * columns * width + left + x);
-                sheet[at..at + 3].copy_from_slice(&frame.mean(factor * x, factor * y, factor));
-            }
-        }
-    }
-    Ok((columns * width, rows * height, sheet))
-}
-
-/// Number of frames per row: the smallest from sqrt(count) to 2 sqrt(count) with which all rows are full. Without one, sqrt(count),
-/// rounded up.
-fn columns(count: usize) -> usize {
-    let side = (count as f64).sqrt();
-    let full = (side.ceil() as usize..=(2.0 * side) as usize).find(|columns| count.is_multiple_of(*columns));
-    full.unwrap_or(side.ceil() as usize)
-}
-
-impl Linear {
-    /// The mean over the pixels of a square, as far as they are inside the frame.
-    fn mean(&self, x: usize, y: usize, side: usize) -> [f32; 3] {
-        let (columns, rows) = (x..(x + side).min(self.width), y..(y + side).min(self.height));
-        let count = (columns.len() * rows.len()).max(1) as f32;
-        let mut sum = [0.0; 3];
-        for (x, y) in rows.flat_map(|y| columns.clone().map(move |x| (x, y))) {
-            (0..3).for_each(|k| sum[k] += self.rgb[3 * (y * self.width + x) + k]);
-        }
-        sum.map(|sum| sum / count)
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{columns, hundredths};
+    use super::hundredths;
 
     #[test]
     fn an_animation_has_the_wanted_speed() {
@@ -177,10 +126,5 @@ mod tests {
         assert_eq!(delays(60), [2, 1, 2, 2, 1, 2]);
         assert_eq!(delays(1000), [1; 6]);
         assert_eq!((0..240).map(|number| hundredths(number, 24)).sum::<u32>(), 1000);
-    }
-
-    #[test]
-    fn rows_are_full_if_that_is_near_a_square() {
-        assert_eq!([1, 2, 3, 7, 8, 16, 24, 25].map(columns), [1, 2, 3, 3, 4, 4, 6, 5]);
     }
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use taugate::internals::error::Result;
+use taugate::internals::threads::spawn_scoped;
 
 use super::super::Answers;
 use super::super::message::{Change, Report};
@@ -25,11 +26,11 @@ impl Engine {
         let mut total = None;
         let sender = &self.sender;
         thread::scope(|scope| {
-            let iteration = scope.spawn(|| {
+            let iteration = spawn_scoped(scope, "iteration", || {
                 // Even after a panic.
                 let _over = OnDrop(|| drop(sender.send(Command::IterationOver)));
                 full.iterate_unless(samples, &stop)
-            });
+            })?;
             while let Ok(command) = self.inbox.recv() {
                 match command {
                     Command::IterationOver => break,
