@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::hash::Hash;
 
 /// Folders whose code determines an image, for given settings and scene bytes.
-pub const DECIDE: [&str; 11] = [
+pub const DECIDE: [&str; 12] = [
     "shaders",
     "src/bvh",
     "src/estimators",
@@ -14,6 +14,7 @@ pub const DECIDE: [&str; 11] = [
     "src/input",
     "src/lightcone",
     "src/render",
+    "src/scan",
     "src/scene",
     "src/settings",
     "src/wgsl",
