@@ -72,7 +72,7 @@ impl Orientation {
                     continue;
                 }
                 // Parts inside must face inwards and outwards in turns.
-                let faces_wrong_way = |part: &Part| part.is_inward == (part.depth % 2 == 0);
+                let faces_wrong_way = |part: &Part| part.is_inward == part.depth.is_multiple_of(2);
                 turned.extend(
                     (0..parts.len()).filter(|&other| outermost(parts, other) == k && faces_wrong_way(&parts[other])),
                 );
