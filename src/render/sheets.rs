@@ -156,3 +156,70 @@ fn named(meshes: &[&str]) -> String {
         [mesh, others @ ..] => format!("mesh '{mesh}' (like {} more)", others.len()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DVec3};
+
+    use super::*;
+    use crate::generate::shapes::{cuboid, icosphere, quad};
+    use crate::scene::Medium;
+
+    /// A scene with one mesh of glass.
+    fn of(material: Material, shape: Mesh) -> Scene {
+        let mut scene = Scene::default();
+        let material = scene.add_material(material);
+        scene.add_surface(Mesh { name: "mesh".into(), ..shape }, material);
+        scene
+    }
+
+    fn plane() -> Mesh {
+        quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2])
+    }
+
+    #[test]
+    fn open_glass_is_thin_and_closed_glass_is_solid_unless_the_material_says_otherwise() {
+        let cube = || cuboid(DVec3::ZERO, DVec3::ONE);
+        let thin = |thin, shape| glass(&of(Material { thin, ..Material::glass("pane") }, shape))[0].thin;
+        assert!(thin(None, plane()) && !thin(None, cube()));
+        assert!(thin(Some(true), cube()) && !thin(Some(false), plane()));
+        let why = &glass(&of(Material::glass("pane"), plane()))[0].why;
+        assert_eq!(why, "because mesh 'mesh' is not closed");
+        assert!(glass(&of(Material::diffuse("grey", [0.5; 3]), plane())).is_empty());
+    }
+
+    /// Along the sheet, d (n cos theta' - cos theta) is d sqrt(n^2 - 1). The thickness of KHR_materials_volume is scaled with the mesh.
+    #[test]
+    fn the_delay_is_that_of_grazing_light_for_each_crossing() {
+        let pane = Material { thickness: 0.1, ..Material::glass("pane") };
+        let once = 0.1 * 1.25f64.sqrt();
+        let near = |found: f64, truth: f64| assert!((found - truth).abs() < 1e-6 * truth, "{found}, not {truth}");
+        near(max_delay(&of(pane.clone(), plane())), once);
+        let mut bowl = icosphere(1.0, 2);
+        bowl.triangles.truncate(200);
+        near(max_delay(&of(pane, bowl)), 8.0 * once);
+        let mut scene = of(Material { volume_thickness: 0.1, ..Material::glass("pane") }, plane());
+        scene.instances[0].transform = DAffine3::from_scale(DVec3::splat(3.0));
+        near(max_delay(&scene), 3.0 * once);
+        let solid = Material { thickness: 0.1, thin: Some(false), ..Material::glass("block") };
+        assert_eq!(max_delay(&of(solid, plane())), 0.0);
+    }
+
+    #[test]
+    fn glass_that_is_probably_meant_otherwise_is_named() {
+        let warned = |material: Material, shape: Mesh| warnings(&of(material, shape)).concat();
+        assert_eq!(warned(Material::glass("pane"), plane()), "");
+        let mut open = icosphere(1.0, 2);
+        open.triangles.pop();
+        assert!(warned(Material::glass("ball"), open.clone()).contains("almost closed (3 of 478 edges are open)"));
+        assert_eq!(warned(Material { thin: Some(true), ..Material::glass("bulb") }, open), "");
+        let water = Material { volume_thickness: 1.0, ..Material::glass("water") };
+        assert!(warned(water, plane()).contains("close the mesh if it is the surface of water"));
+        let rough = Material { thickness: 0.01, roughness: 0.3, ..Material::glass("frosted") };
+        assert!(warned(rough, plane()).contains("its thickness does not delay light"));
+        let absorbing = Some(Medium { sigma_a: [1.0; 3], ..Medium::default() });
+        assert!(
+            warned(Material { interior: absorbing, ..Material::glass("grey") }, plane()).contains("has no thickness")
+        );
+    }
+}

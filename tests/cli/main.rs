@@ -21,6 +21,7 @@ mod scenes;
 mod sums;
 mod tev;
 mod texels;
+mod thin_glass;
 mod view;
 mod views;
 
