@@ -151,8 +151,8 @@ override HAS_INTERIORS: bool = true;
 // Whether meshes bound media without bending light (boundary.wgsl).
 override HAS_NULL_BOUNDARIES: bool = true;
 // Whether the scene has thin glass (sheet.wgsl), and whether this glass delays light.
-override HAS_SHEETS: bool = true;
-override HAS_DELAYS: bool = true;
+override HAS_SHEETS: bool = false;
+override HAS_DELAYS: bool = false;
 // Whether a medium has a density grid (grid.wgsl).
 override HAS_GRIDS: bool = true;
 // Whether the events in a medium that are connected to deterministic vertices are drawn inside the gate (shared/fog.wgsl).
