@@ -11,7 +11,7 @@ use crate::app::render::NotFinite;
 
 fn main() -> ExitCode {
     // clap prints its own messages and exits with 0 after --help, with 2 after a wrong flag.
-    let cli = app::cli::Cli::try_parse().unwrap_or_else(|error| app::cli::exit_with(&error));
+    let cli = app::cli::Cli::try_parse().unwrap_or_else(|error| app::wrong_flags::exit_with(&error));
     match app::run(cli) {
         Ok(code) => code,
         Err(error) => {

@@ -13,7 +13,7 @@ use taugate::internals::image::array_set::{self, ArraySet, Role};
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::scan_file::{ScanArrays, ScanFilm};
 use taugate::internals::render::MemoryPlan;
-use taugate::internals::scan::{Measurement, PreparedScan};
+use taugate::internals::scan::{Measurement, PreparedScan, scene_at};
 use taugate::internals::settings::Sampling;
 
 use crate::engine::{self, Step, early_end, watched};
@@ -103,11 +103,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")?;
 
     let ready = PreparedScan::new(&scan, scene.clone(), &settings)?;
-    let at = |point| (scan.light(point), scan.camera(point));
-    let missing = ready.prepared.missing_in_scan(&ready.scene, &settings, scan.laser_points.len(), at);
-    let warning = missing.as_ref().map(|(_, missing)| missing.describe());
-    let of_scene = ready.prepared.scene_warnings(&ready.scene, &settings);
-    let of_scene: Vec<String> = of_scene.into_iter().chain(warning).collect();
+    let (of_scene, darkest) = ready.warnings(&scan, &settings);
     let device = engine::device(experiment.render.device.as_deref())?;
     MemoryPlan::new(&ready.scene, &ready.settings, &ready.prepared, Some(device.info()))?.check(device.info())?;
     ready.check_points(&device, &scan)?;
@@ -121,11 +117,8 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let dropped = measurement.renderer().stats().dropped;
     let film = measurement.into_film();
     if is_whole && film.is_black() && !experiment.gate.force.unwrap_or(false) {
-        let mut turned = scene.clone();
-        let (laser, camera) = at(missing.map_or(0, |(point, _)| point));
-        *turned.lights.last_mut().expect("the laser is the last light") = laser;
-        turned.cameras[settings.camera()] = camera;
-        return Err(feasible::nothing_inside(&device, &turned, &settings).into());
+        let scene = scene_at(scene.clone(), &scan, &settings, darkest);
+        return Err(feasible::nothing_inside(&device, &scene, &settings).into());
     }
     let mut arrays = None;
     if measured > 0 {

@@ -1,6 +1,7 @@
 // A vertex of a subpath: a point on a surface or on an emitter, or a scattering event in a medium. Only this module evaluates and
 // samples vertices and computes their densities, cosines and sides. So kernels treat vertices with and without a normal alike. Only
 // `leaf` (to find punctual lights) and `auxiliary` also ask whether a vertex has a normal.
+#import bsdf_sample
 #import emitter
 #import phase
 

@@ -1,18 +1,16 @@
 //! The subcommands and flags that a user can type. `taugate::internals::input::resolve` turns them into settings.
 
+mod finished;
+
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Args, Error, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use taugate::Estimator;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::settings::aov::Aov;
-use taugate::internals::settings::exposure::Exposure;
-use taugate::internals::settings::missing;
-use taugate::internals::settings::optical_path::OpticalPath;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
+pub use self::finished::{CompareArgs, DetectArgs, DevelopArgs, DevelopedFiles, HistogramArgs, MergeArgs};
 use crate::app::flags::{Flags, Info, Render, View};
 
 /// Renders what a time-gated sensor sees: only the light whose travel time falls inside a gate.
@@ -36,19 +34,6 @@ pub enum Command {
     Info(Box<InfoArgs>),
     Devices(DevicesArgs),
     Generate(GenerateArgs),
-}
-
-/// Prints the message of clap and ends the process. A flag that other renderers have gets the reason why it is missing.
-pub fn exit_with(error: &Error) -> ! {
-    let flag = match error.get(ContextKind::InvalidArg) {
-        Some(ContextValue::String(flag)) if error.kind() == ErrorKind::UnknownArgument => flag.trim_start_matches('-'),
-        _ => "",
-    };
-    if let Some(reason) = missing::reason(flag) {
-        crate::app::say(&format!("error: there is no flag --{flag}: {reason}"));
-        std::process::exit(error.exit_code());
-    }
-    error.exit()
 }
 
 const RENDER_EXAMPLES: &str = "\
@@ -120,205 +105,6 @@ pub struct ViewArgs {
     /// Folder for the images that the page saves
     #[arg(long, value_name = "DIR", help_heading = "Page", default_value = ".")]
     pub save_to: PathBuf,
-}
-
-/// The files that merge and develop write
-#[derive(Debug, Args)]
-pub struct DevelopedFiles {
-    /// Files to write: image (.exr), NumPy array (.npy), picture (.png), or sums (.acc); may be repeated
-    #[arg(short, long, value_name = "OUT.exr|npy|png|acc", help_heading = "Output", required = true)]
-    pub output: Vec<PathBuf>,
-
-    /// Also write the variances of an array OUT.npy, to OUT.variance.npy
-    #[arg(long, help_heading = "Output")]
-    pub variance: bool,
-
-    /// Exposure of the picture: auto, or a number of stops [default: auto]
-    #[arg(long, value_name = "EV|auto", help_heading = "Output", allow_hyphen_values = true)]
-    pub exposure: Option<Exposure>,
-
-    /// Auxiliary layers to keep, of those that the sums have [default: all of them]
-    #[arg(long, value_name = "NAME,...", help_heading = "Output")]
-    pub aov: Option<Aov>,
-}
-
-const MERGE_EXAMPLES: &str = "\
-Examples:
-  taugate render room.glb --spp 4096 --shard 0/2 -o part0.acc        on one machine
-  taugate render room.glb --spp 4096 --shard 1/2 -o part1.acc        on another
-  taugate merge part0.acc part1.acc -o room.exr -o room.png
-
-Exit codes: 0 done, 2 wrong input or file";
-
-/// Join the shards of a render
-#[derive(Debug, Args)]
-#[command(after_help = MERGE_EXAMPLES)]
-pub struct MergeArgs {
-    /// The sums of the shards, in any order
-    #[arg(value_name = "SUMS.acc", required = true)]
-    pub parts: Vec<PathBuf>,
-
-    #[command(flatten)]
-    pub files: DevelopedFiles,
-
-    /// Print nothing but errors
-    #[arg(short, long, help_heading = "Output")]
-    pub quiet: bool,
-}
-
-const DEVELOP_EXAMPLES: &str = "\
-Examples:
-  taugate render room.glb --gates 5m..8m/30 --time 8h --checkpoint room.acc -o room.npy
-  taugate develop room.acc -o so-far.exr -o so-far.png               while it renders
-
-Exit codes: 0 done, 2 wrong input or file";
-
-/// Make images from the sums of a render, finished or not
-#[derive(Debug, Args)]
-#[command(after_help = DEVELOP_EXAMPLES)]
-pub struct DevelopArgs {
-    /// The sums, which render wrote with -o OUT.acc or --checkpoint, or merge
-    #[arg(value_name = "SUMS.acc")]
-    pub sums: PathBuf,
-
-    #[command(flatten)]
-    pub files: DevelopedFiles,
-
-    /// Print nothing but errors
-    #[arg(short, long, help_heading = "Output")]
-    pub quiet: bool,
-}
-
-/// Measure the error of an image against a reference
-#[derive(Debug, Args)]
-#[command(
-    after_help = "Exit codes: 0 within the threshold and without a significant difference, 1 above the threshold or different, \
-                  2 error, or --z has too few samples to judge"
-)]
-pub struct CompareArgs {
-    /// The image to judge (.exr), the array of a render with many gates (.npy), or the sums of either (.acc)
-    #[arg(value_name = "A")]
-    pub image: PathBuf,
-
-    /// The reference, of the same kind and size
-    #[arg(value_name = "REF")]
-    pub reference: PathBuf,
-
-    /// Exit with 1 if relMSE is above this, or if there is light in gates that are dark in the reference
-    #[arg(long, value_name = "X", help_heading = "Output")]
-    pub max_relmse: Option<f64>,
-
-    /// Test whether the images differ by more than their noise, and exit with 1 if they do; OUT is a map of the differences
-    /// in standard errors (.exr: signed; .png: red where A is brighter, blue where A is darker); taugate must have rendered
-    /// both images, with different seeds
-    #[arg(long, value_name = "OUT.png|OUT.exr", help_heading = "Output")]
-    pub z: Option<PathBuf>,
-
-    /// Print JSON
-    #[arg(long, help_heading = "Output")]
-    pub json: bool,
-}
-
-const HISTOGRAM_EXAMPLES: &str = "\
-Examples:
-  taugate render room.glb --gates 5m..8m/30 -o h.npy --variance
-  taugate histogram h.npy --pixel 120,80 --plot pixel.svg";
-
-/// Print or plot the light of a pixel in every gate of a render
-#[derive(Debug, Args)]
-#[command(after_help = HISTOGRAM_EXAMPLES)]
-pub struct HistogramArgs {
-    /// The array that render wrote with -o; error bars need the array of --variance beside it
-    #[arg(value_name = "ARRAY.npy")]
-    pub array: PathBuf,
-
-    /// Column and row of the pixel in the array, from 0 [default: the mean over all pixels]
-    #[arg(long, value_name = "X,Y", help_heading = "Scene")]
-    pub pixel: Option<Pixel>,
-
-    /// Write a plot
-    #[arg(long, value_name = "FILE.svg", help_heading = "Output")]
-    pub plot: Option<PathBuf>,
-
-    /// Print JSON
-    #[arg(long, help_heading = "Output")]
-    pub json: bool,
-}
-
-const DETECT_EXAMPLES: &str = "\
-Examples:
-  taugate render room.glb --gates 5m..8m/300 -o light.npy
-  taugate detect light.npy -o counts.npy --photons 1e4 --pulses 1000 --first-photon --jitter 50ps
-  taugate detect gated.exr -o counts.npy --photons 1e4 --background daylight.exr";
-
-/// Turn radiance into the photon counts of a detector, such as a SPAD array
-#[derive(Debug, Args)]
-#[command(after_help = DETECT_EXAMPLES)]
-pub struct DetectArgs {
-    /// The light: an array or a scan (.npy), an image (.exr) or sums (.acc) that taugate rendered with gates; watts of its lamps count as
-    /// joules per pulse
-    #[arg(value_name = "LIGHT")]
-    pub input: PathBuf,
-
-    /// The counts over all pulses, as an array with a JSON file beside it
-    #[arg(short, long, value_name = "OUT.npy", help_heading = "Output")]
-    pub output: PathBuf,
-
-    /// Also write a picture of the counts, the sum of all gates, next to the output or to FILE.png
-    #[arg(long, value_name = "FILE.png", help_heading = "Output", num_args = 0..=1)]
-    pub png: Option<Option<PathBuf>>,
-
-    /// Exposure of the picture: auto, or a number of stops [default: auto]
-    #[arg(long, value_name = "EV|auto", help_heading = "Output", allow_hyphen_values = true)]
-    pub exposure: Option<Exposure>,
-
-    /// Photons that reach a pixel per pulse for each unit of the image, J/(m^2 sr)
-    #[arg(long, value_name = "X", help_heading = "Detector", allow_hyphen_values = true)]
-    pub photons: f64,
-
-    /// Number of pulses
-    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 1,
-          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
-    pub pulses: u64,
-
-    /// Quantum efficiency, the probability that a photon is counted
-    #[arg(long, value_name = "0..1", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 1.0)]
-    pub efficiency: f64,
-
-    /// Daylight: radiance in W/(m^2 sr), as a number or as an image rendered without a gate. Each gate collects it for the integral of
-    /// its weights, which is the duration of a box
-    #[arg(long, value_name = "RADIANCE|FILE.exr", help_heading = "Detector")]
-    pub background: Option<String>,
-
-    /// Dark counts per second
-    #[arg(long, value_name = "HZ", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 0.0)]
-    pub dark_counts: f64,
-
-    /// Standard deviation of the measured time, such as 50ps
-    #[arg(long, value_name = "TIME", help_heading = "Detector", allow_hyphen_values = true)]
-    pub jitter: Option<OpticalPath>,
-
-    /// Time for which the detector is blind after each count, such as 20ns
-    #[arg(
-        long,
-        value_name = "TIME",
-        help_heading = "Detector",
-        allow_hyphen_values = true,
-        conflicts_with = "first_photon"
-    )]
-    pub dead_time: Option<OpticalPath>,
-
-    /// At most one count per pulse: the first photon hides all later ones
-    #[arg(long, help_heading = "Detector")]
-    pub first_photon: bool,
-
-    /// One channel, the mean of red, green and blue, instead of three
-    #[arg(long, help_heading = "Detector")]
-    pub mono: bool,
-
-    /// Seed of the random counts
-    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 0)]
-    pub seed: u32,
 }
 
 const BENCH_EXAMPLES: &str = "\

@@ -27,6 +27,7 @@ mod rescue;
 mod sheet;
 mod strategies;
 mod view;
+pub mod wrong_flags;
 
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;

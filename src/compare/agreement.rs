@@ -20,9 +20,9 @@ const MIN_JUDGED_SHARE: f64 = 0.75;
 /// Relative rounding error of f32 means. It is the only error of a cell without noise.
 const ROUNDING: f64 = 1e-6;
 /// Skewness of the noise from which the test finds no difference, and how far chance can exceed it, in standard deviations of the
-/// skewness of normal noise. With these numbers, 9 cells and 32 batches, simulated noise with heavy tails is hardly ever found to differ
-/// from its own mean; without them in 76 % (lognormal, sigma = 2) and 96 % (Pareto, alpha = 1.2) of the cases. With 8 batches, the test
-/// finds only a part of such noise. Normal noise hardly ever exceeds the limit.
+/// skewness of normal noise. In simulations with 9 cells and 32 batches, noise with heavy tails is hardly ever found to differ from its
+/// own mean. Without these limits, it is found to differ in 76 % (lognormal, sigma = 2) and 96 % (Pareto, alpha = 1.2) of the cases. With
+/// 8 batches, the test finds only a part of such noise. Normal noise hardly ever exceeds the limit.
 const MAX_SKEWNESS: f64 = 0.25;
 const SKEWNESS_BY_CHANCE: f64 = 2.0;
 /// Cells that are counted as independent for the skewness: cells share light paths.

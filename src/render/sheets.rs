@@ -70,10 +70,11 @@ pub fn warnings(scene: &Scene) -> Vec<String> {
         if !material.is_sheet(mesh) {
             continue;
         }
-        for kind in [Kind::AlmostClosed, Kind::Water, Kind::RoughDelay, Kind::NoThickness] {
-            if kind.applies(material, mesh) && !named.contains(&(mesh.material, kind)) {
+        let open_edges = mesh.open_edges();
+        for kind in [Kind::AlmostClosed, Kind::Water, Kind::RoughDelay, Kind::NoThickness, Kind::Scatters] {
+            if kind.applies(material, mesh, open_edges) && !named.contains(&(mesh.material, kind)) {
                 named.push((mesh.material, kind));
-                warnings.push(kind.text(material, mesh));
+                warnings.push(kind.text(material, mesh, open_edges));
             }
         }
     }
@@ -91,37 +92,38 @@ enum Kind {
     RoughDelay,
     /// Glass that absorbs, but has no thickness.
     NoThickness,
+    /// Glass with a medium that scatters.
+    Scatters,
 }
 
 impl Kind {
-    fn applies(self, material: &Material, mesh: &Mesh) -> bool {
+    /// `open_edges`: those of `mesh`.
+    fn applies(self, material: &Material, mesh: &Mesh, open_edges: usize) -> bool {
         let is_rough = material.roughness * material.roughness >= super::material::DELTA_ALPHA;
         let thickness = material.thickness + material.volume_thickness;
         match self {
             // A patch with few triangles has many open edges.
-            Kind::AlmostClosed => {
-                material.thin.is_none() && !mesh.is_flat() && 10 * mesh.open_edges() < 3 * mesh.triangles.len() / 2
-            }
+            Kind::AlmostClosed => material.thin.is_none() && !mesh.is_flat() && 10 * open_edges < edges(mesh),
             Kind::Water => {
                 material.thin.is_none()
                     && material.volume_thickness > 0.0
-                    && !Kind::AlmostClosed.applies(material, mesh)
+                    && !Kind::AlmostClosed.applies(material, mesh, open_edges)
             }
             Kind::RoughDelay => is_rough && thickness > 0.0,
             Kind::NoThickness => {
                 thickness == 0.0 && material.interior.as_ref().is_some_and(|medium| medium.sigma_a != [0.0; 3])
             }
+            Kind::Scatters => material.interior.as_ref().is_some_and(|medium| medium.sigma_s != [0.0; 3]),
         }
     }
 
-    fn text(self, material: &Material, mesh: &Mesh) -> String {
+    fn text(self, material: &Material, mesh: &Mesh, open_edges: usize) -> String {
         let (name, mesh_name) = (&material.name, &mesh.name);
         match self {
             Kind::AlmostClosed => format!(
-                "mesh '{mesh_name}' of glass '{name}' is almost closed ({} of {} edges are open), but open glass is thin: light passes \
-                 straight on; close the mesh, or render with --thin-glass none if it is solid",
-                mesh.open_edges(),
-                3 * mesh.triangles.len() / 2
+                "mesh '{mesh_name}' of glass '{name}' is almost closed ({open_edges} of {} edges are open), but open glass is thin: light \
+                 passes straight on; close the mesh, or render with --thin-glass none if it is solid",
+                edges(mesh)
             ),
             Kind::Water => format!(
                 "mesh '{mesh_name}' of glass '{name}' is open and has a thickness, so it is thin glass; close the mesh if it is the \
@@ -137,8 +139,17 @@ impl Kind {
                     "the thin glass '{name}' has no thickness, so its medium absorbs nothing; set extras.thickness in metres"
                 )
             }
+            Kind::Scatters => format!(
+                "the thin glass '{name}' contains a medium that scatters, but thin glass only absorbs; set extras.thin = false, or \
+                 leave out --thin-glass all, if it should scatter"
+            ),
         }
     }
+}
+
+/// About the number of edges of a mesh: two triangles share an edge.
+fn edges(mesh: &Mesh) -> usize {
+    3 * mesh.triangles.len() / 2
 }
 
 /// The meshes that at least one instance places.
@@ -221,5 +232,8 @@ mod tests {
         assert!(
             warned(Material { interior: absorbing, ..Material::glass("grey") }, plane()).contains("has no thickness")
         );
+        let milk = Some(Medium { sigma_s: [1.0; 3], ..Medium::default() });
+        let forced = Material { interior: milk, thin: Some(true), ..Material::glass("milk") };
+        assert!(warned(forced, cuboid(DVec3::ZERO, DVec3::ONE)).contains("thin glass only absorbs"));
     }
 }

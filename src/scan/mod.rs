@@ -60,6 +60,15 @@ impl PreparedScan {
         Ok(PreparedScan { scene, settings, prepared, beams: Some(beams) })
     }
 
+    /// The warnings about the scene, and the point of the laser at which the most light is missing that no strategy forms (0 if none is).
+    /// `settings`: those of one render per point of the laser.
+    pub fn warnings(&self, scan: &Scan, settings: &Settings) -> (Vec<String>, usize) {
+        let at = |point| (scan.light(point), scan.camera(point));
+        let missing = self.prepared.missing_in_scan(&self.scene, settings, scan.laser_points.len(), at);
+        let (point, warning) = missing.map_or((0, None), |(point, missing)| (point, Some(missing.describe())));
+        (self.prepared.scene_warnings(&self.scene, settings).into_iter().chain(warning).collect(), point)
+    }
+
     /// Fails if a point of the scan must lie on a surface but does not, see [`check_aimed_points`].
     pub fn check_points(&self, device: &Device, scan: &Scan) -> Result<()> {
         if scan.accounts_first_and_last {
@@ -71,6 +80,13 @@ impl PreparedScan {
         }
         Ok(())
     }
+}
+
+/// The scene while laser and sensor look at point `number` of the laser. `settings`: those of one render per point of the laser.
+pub fn scene_at(mut scene: Scene, scan: &Scan, settings: &Settings, number: usize) -> Scene {
+    *scene.lights.last_mut().expect("the laser is the last light") = scan.light(number);
+    scene.cameras[settings.camera()] = scan.camera(number);
+    scene
 }
 
 /// A scan in progress.

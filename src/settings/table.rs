@@ -318,8 +318,8 @@ table! {
         /// Also write a tone-mapped picture [default name: the output file with .png]
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
 
-        /// What the picture shows if there are several gates: sum (of all gates), each (a picture per gate, OUT.NAME.png), or strip (all
-        /// gates side by side); all gates have one exposure [default: sum]
+        /// What the picture shows if there are several gates. sum: all gates together; each: a picture per gate, OUT.NAME.png; strip:
+        /// all gates side by side. All gates have one exposure [default: sum]
         png_gates: GatePictures, Setting::output("png-gates", "sum|each|strip");
 
         /// Exposure of the picture: auto, or a number of stops (values are multiplied by 2 to this power), so that several

@@ -30,6 +30,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/auxiliary",
     "shared/boundary",
     "shared/bsdf",
+    "shared/bsdf_sample",
     "shared/camera",
     "shared/candidate",
     "shared/connection",

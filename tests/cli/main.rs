@@ -13,6 +13,7 @@ mod grids;
 #[cfg(unix)]
 mod guide;
 mod info;
+mod memory;
 mod orthographic;
 mod regressions;
 mod remembered;

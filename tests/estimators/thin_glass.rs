@@ -66,8 +66,8 @@ fn mean(scene: &Scene, estimator: Estimator, max_depth: u32, (lo, hi): (f64, f64
     Cells::measure(&mut renderer(scene, &s), Gate { lo, hi }, 4, 2, 16, 100).whole()
 }
 
-/// Asserts that the estimators find `truth` in a gate around `tau`, and nothing in the gate before it; and that glass which transmits 2 %
-/// less would be noticed.
+/// Asserts that the estimators find `truth` in a gate around `tau`, and nothing in the gate before it. Glass that transmits 2 % less must
+/// be noticed.
 fn arrives(name: &str, estimators: &[Estimator], scene: &Scene, truth: f64, tau: f64) {
     for &estimator in estimators {
         let (found, error) = mean(scene, estimator, 2, (tau - 0.002, tau + 0.002));

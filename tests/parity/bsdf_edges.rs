@@ -52,7 +52,7 @@ pub fn edges() -> &'static Set {
 }
 
 const EDGE: ShaderFunction = ShaderFunction {
-    imports: &["bsdf"],
+    imports: &["bsdf_sample"],
     input: "u: vec4<f32>, w: vec3<f32>, material: u32, to_light: u32, front: u32, pad: vec2<u32>",
     result: "direction: vec3<f32>, pdf: f32, weight: f32, f: f32, swapped: f32, eval_pdf: f32, valid: u32, delta: u32,
         pdf_reverse: f32, eval_reverse: f32",

@@ -13,7 +13,7 @@ use crate::values::{dvec, polar, vec3};
 pub const KERNELS: &[&ShaderFunction] = &[&SAMPLE];
 
 const SAMPLE: ShaderFunction = ShaderFunction {
-    imports: &["bsdf"],
+    imports: &["bsdf_sample"],
     input: "u: vec4<f32>, w: vec3<f32>, material: u32, to_light: u32, front: u32, pad: vec2<u32>",
     result: "direction: vec3<f32>, pdf: f32, weight: vec3<f32>, pdf_reverse: f32, valid: u32, delta: u32, pad: vec2<u32>",
     body: "let b = make_bsdf(input.material, vec3<f32>(1.0), input.front == 1u);

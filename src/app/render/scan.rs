@@ -13,7 +13,7 @@ use taugate::internals::input::resolve;
 use taugate::internals::input::scan_table::ScanTable;
 use taugate::internals::input::scenery;
 use taugate::internals::render::MemoryPlan;
-use taugate::internals::scan::{Measurement, PreparedScan};
+use taugate::internals::scan::{Measurement, PreparedScan, scene_at};
 use taugate::internals::settings::Sampling;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::table::OutputTable;
@@ -64,11 +64,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     // Prepare the device.
     let ready = preparation.timed("build BVH and tables", || PreparedScan::new(&scan, scene, &settings));
     let ready = ready.map_err(|error| with_scene_path(error, &scene_path))?;
-    let at = |point| (scan.light(point), scan.camera(point));
-    let missing = || ready.prepared.missing_in_scan(&ready.scene, &settings, scan.laser_points.len(), at);
-    let missing = preparation.timed("check lamps", missing);
-    let warning = missing.as_ref().map(|(_, missing)| missing.describe());
-    for warning in ready.prepared.scene_warnings(&ready.scene, &settings).into_iter().chain(warning) {
+    let (warnings, darkest) = preparation.timed("check lamps", || ready.warnings(&scan, &settings));
+    for warning in warnings {
         session.say(format!("warning: {warning}"));
     }
     let device = preparation.timed("open device", || Device::open(experiment.render.device.as_deref()))?;
@@ -110,11 +107,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         return Ok(Outcome::Interrupted.code());
     }
     if measured == count && film.is_black() && !experiment.gate.force.unwrap_or(false) {
-        let mut turned = measurement.scene().0.clone();
-        let (laser, camera) = at(missing.map_or(0, |(point, _)| point));
-        *turned.lights.last_mut().expect("the laser is the last light") = laser;
-        turned.cameras[settings.camera()] = camera;
-        return Err(feasible::nothing_inside(&device, &turned, &settings).into());
+        let scene = scene_at(measurement.scene().0.clone(), &scan, &settings, darkest);
+        return Err(feasible::nothing_inside(&device, &scene, &settings).into());
     }
 
     let layers = (outputs.aov != Aov::default()).then(|| measurement.layers(&device, outputs.aov)).transpose()?;
