@@ -1,4 +1,4 @@
-//! Vulkan compute: device, buffers, kernels. All unsafe code of the package is in this module, except one call in
+//! Vulkan compute: device, buffers, kernels. All unsafe code of the package is in this module, except two calls in
 //! `app/interrupts.rs`. Nothing in the module knows about rendering.
 
 mod allocate;

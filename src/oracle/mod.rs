@@ -1,5 +1,5 @@
 //! A second implementation of the renderer's mathematics, slow but simple, in f64. It serves tests, and `self_check` uses
-//! [`sphere`].
+//! [`sphere`], [`fog`] and [`phase`].
 //!
 //! Tests compare the renderer with this module, so the two share only plain data such as [`crate::scene::Scene`]. [`sphere`] is a
 //! closed form, [`path_tracer`] another algorithm, [`lightcone`] a second version of the paper's equations.

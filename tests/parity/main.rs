@@ -1,4 +1,5 @@
-//! Every function of `shaders/shared/` with a formula runs on the device and is compared with f64 on the host.
+//! The functions of `shaders/shared/` run on the device and are compared with f64 on the host: most directly, the others through a
+//! function that calls them (`functions.rs` lists these).
 
 #[path = "../common/device.rs"]
 mod device;
