@@ -39,7 +39,7 @@ pub fn first_arrivals(
             let weight = luminance(seen.rgb);
             if seen.pixel != NONE && weight > 0.0 && weight.is_finite() {
                 let pixel = &mut first[seen.pixel as usize];
-                *pixel = pixel.min(seen.tau_or_weight);
+                *pixel = pixel.min(seen.tau);
             }
         })?;
     }

@@ -6,10 +6,10 @@ mod host_loop;
 use std::sync::Arc;
 
 use super::compaction::{COUNTERS, Compaction};
+use super::contribution::Contribution;
 use super::device_scene::DeviceScene;
 use super::plan::{Observe, Plan};
 use super::pool::LightPool;
-use super::responses::Arrival;
 use super::stats::{Stats, computes_wrongly, stage};
 use crate::error::Result;
 use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, DeviceInfo, Kernel, Recorder};
@@ -20,22 +20,10 @@ use device_loop::DeviceLoop;
 /// determines the order of vertices and splats, and this order determines the last bits of the image.
 const BATCH: usize = 1 << 16;
 
-/// Contribution of a light vertex that is connected to the sensor (t = 1).
-pub struct Splat {
-    /// Contribution to the mean of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
-    pub rgb: [f32; 3],
-    /// The row-major index of the pixel in the crop; with [`Observe::Times`] the bits of the travel time in units of the render space.
-    pub pixel_or_tau: u32,
-    /// With [`Observe::Strategies`] the MIS weight; with [`Observe::Responses`] the travel time in units of the render space;
-    /// otherwise 1.
-    pub weight_or_tau: f32,
-    /// Number of vertices of the light subpath, the point on the emitter included.
-    pub s: u32,
-}
-
 /// Counts the splats that the device wrote.
 struct Tally {
-    /// Number of pixels; NONE if the splats have no pixels.
+    observe: Observe,
+    /// Number of pixels.
     pixels: u32,
     inside_gate: u64,
     /// Splats that were dropped because they are not finite.
@@ -46,21 +34,27 @@ struct Tally {
 
 impl Tally {
     fn new(plan: &Plan) -> Tally {
-        let pixels = if plan.observe == Observe::Times { NONE } else { plan.crop_pixels as u32 };
-        Tally { pixels, inside_gate: 0, dropped: 0, misplaced: 0 }
+        Tally { observe: plan.observe, pixels: plan.crop_pixels as u32, inside_gate: 0, dropped: 0, misplaced: 0 }
     }
 
-    /// Counts the splat that the device wrote and passes it to `visit`. Does nothing if the pixel is NONE: there is no splat.
-    fn report(&mut self, [r, g, b, pixel_or_tau]: [u32; 4], weight_or_tau: f32, s: u32, visit: &mut impl FnMut(Splat)) {
-        if pixel_or_tau == NONE {
+    /// Counts the splat of a light vertex (t = 1) that the device wrote, and passes it to `visit`. `place` is the pixel, NONE if there
+    /// is no splat, or with [`Observe::Times`] the bits of the travel time. `detail` is the number that [`Observe`] adds.
+    fn report(&mut self, [r, g, b, place]: [u32; 4], detail: f32, s: u32, visit: &mut impl FnMut(Contribution)) {
+        if place == NONE {
             return;
         }
+        let (pixel, tau, mis_weight) = match self.observe {
+            Observe::Nothing => (place, f32::NAN, 1.0),
+            Observe::Times => (NONE, f32::from_bits(place), 1.0),
+            Observe::Strategies => (place, f32::NAN, detail),
+            Observe::Responses => (place, detail, 1.0),
+        };
         let rgb = [r, g, b].map(f32::from_bits);
-        if pixel_or_tau >= self.pixels {
+        if pixel != NONE && pixel >= self.pixels {
             self.misplaced += 1;
         } else if rgb.iter().all(|value| value.is_finite()) {
             self.inside_gate += 1;
-            visit(Splat { rgb, pixel_or_tau, weight_or_tau, s });
+            visit(Contribution { rgb, pixel, tau, mis_weight, s, t: 1, ellipsoidal: false });
         } else {
             self.dropped += 1;
         }
@@ -177,19 +171,6 @@ impl Buffers {
     }
 }
 
-impl Splat {
-    /// The splat of a plan with [`Observe::Responses`].
-    pub fn arrival(&self) -> Arrival {
-        Arrival { pixel: self.pixel_or_tau, tau: self.weight_or_tau, rgb: self.rgb }
-    }
-
-    /// Adds the splat to the RGB image of the crop.
-    pub fn add_to(&self, image: &mut [f32]) {
-        let at = self.pixel_or_tau as usize * 3;
-        (0..3).for_each(|k| image[at + k] += self.rgb[k]);
-    }
-}
-
 impl LightTracer {
     pub fn new(
         device: &Device,
@@ -248,7 +229,7 @@ impl LightTracer {
 
     /// Traces all light subpaths of an iteration and returns the vertices for connections. Calls `visit` with the splat of
     /// every vertex that the sensor sees (t = 1), in the same order on every device.
-    pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<&LightPool> {
+    pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Contribution), stats: &mut Stats) -> Result<&LightPool> {
         let mut pool = std::mem::take(&mut self.pool);
         pool.restart(&self.punctual);
         let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
@@ -274,7 +255,7 @@ impl LightTracer {
         plan: &Plan,
         batch: &Batch,
         pool: &mut LightPool,
-        visit: &mut impl FnMut(Splat),
+        visit: &mut impl FnMut(Contribution),
         stats: &mut Stats,
     ) -> Result<()> {
         if batch.kind == BatchKind::BeamEvents {

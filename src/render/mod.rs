@@ -1,5 +1,5 @@
-//! Algorithm 1: light subpaths, trees, sensor subpaths with queries and connections, film. [`Renderer::iterate`] runs these
-//! phases in order; each phase has its own file.
+//! Algorithm 1: light subpaths, trees, sensor subpaths with queries and connections, film. `iteration.rs` runs these phases in order;
+//! each phase has its own file.
 
 mod aimed_points;
 pub mod albedo;
@@ -7,6 +7,7 @@ mod arrival;
 mod black_backs;
 mod budget;
 mod compaction;
+mod contribution;
 mod coplanar;
 mod device_scene;
 mod duplicates;
@@ -17,6 +18,7 @@ pub mod geometry;
 mod glass_checks;
 pub mod grid;
 mod haze;
+mod iteration;
 mod layers;
 mod light;
 pub mod material;
@@ -24,7 +26,6 @@ mod media;
 mod memory;
 mod missing_light;
 mod null_boundary;
-mod observe;
 mod oversized;
 mod pace;
 pub mod phase;
@@ -51,10 +52,9 @@ mod submit_size;
 mod travel_time_bounds;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::{Device, buffer_desc};
 use crate::image::accumulation::Iterations;
 use crate::image::film::Film;
@@ -71,19 +71,18 @@ pub use emitters::{luminance, sky_table};
 pub use first_surface::{FirstSurface, first_surfaces};
 pub use haze::{Haze, haze};
 pub use layers::{layers, object_ids};
-use light::{LightTracer, Splat};
+use light::LightTracer;
 pub use memory::MemoryPlan;
 pub use missing_light::{MissingLight, missing_light, missing_light_at_any_time};
 pub use pace::seconds_per_sample;
 pub use plan::Tuning;
-use plan::{Iteration, Observe, Plan};
-use pool::SortedPool;
+use plan::{Observe, Plan};
 pub use pool::leaf_record;
 pub use prepared_scene::PreparedScene;
 pub use probe::{TravelTimes, probe};
 use responses::ResponseSums;
+use samples::Allocation;
 pub use samples::MAX_AVERAGE_SAMPLES;
-use samples::{Allocation, SampleCounts};
 use sensor::SensorPhase;
 use stats::stage;
 pub use stats::{Stage, Stats};
@@ -214,128 +213,6 @@ impl Renderer {
             first_sample: 0,
             dropped_before: 0,
         })
-    }
-
-    /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light vertices and
-    /// `samples` samples per pixel: in every pixel, or on average if the sampling is adaptive. `samples` is 1 to 16. With aimed camera
-    /// rays and uniform sampling it is 1 to 1024. Fails if it is out of range or if a buffer does not fit the device. Also fails if the
-    /// device is lost, or if its counts contradict each other. After an error the film is as before. But a render of several or shaped
-    /// responses begins anew if the iteration has already changed over 4 million pixels of its images. Then [`Film::samples`] is 0.
-    pub fn iterate(&mut self, samples: u32) -> Result<()> {
-        self.iterate_unless(samples, &Arc::default()).map(drop)
-    }
-
-    /// As [`Renderer::iterate`], but gives up soon after `stop` has become true. Returns whether the iteration was added to the
-    /// film. If not, the film is as before, and the next call renders the same iteration. A render of several responses may begin
-    /// anew instead, see [`Renderer::iterate`].
-    #[doc(hidden)]
-    pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
-        let max = self.plan.max_samples();
-        if !(1..=max).contains(&samples) {
-            return Err(Error::Settings(format!(
-                "an iteration takes 1 to {max} samples per pixel, not {samples}; render more iterations instead"
-            )));
-        }
-        if self.plan.dark {
-            self.add_black_iteration(samples);
-            return Ok(true);
-        }
-        // Counts of a part of an iteration would contradict each other.
-        let before = self.stats.clone();
-        let done = self.render_iteration(samples, stop);
-        if !matches!(done, Ok(true)) {
-            self.stats = before;
-            if self.responses.as_mut().is_some_and(|responses| !responses.restore()) {
-                self.clear();
-            }
-        }
-        done
-    }
-
-    /// As [`Renderer::iterate_unless`]. If the iteration is not complete, a part of it may be in the statistics and in the images of
-    /// several responses.
-    fn render_iteration(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
-        let iteration = self.next_iteration(samples);
-        let waits = self.device.waits();
-        let counts = match &self.allocation {
-            Some(allocation) => self.stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts(samples)),
-            None => SampleCounts::Uniform(samples),
-        };
-        let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
-
-        // Phases 1 and 2: light tracing, hierarchy construction. New vertices that the sensor sees add to the image (t = 1).
-        let mut splats = vec![];
-        let has_responses = self.responses.is_some();
-        let pool = self.build_pool(&iteration, &mut |splat: Splat| {
-            splat.add_to(&mut image);
-            splats.extend(has_responses.then(|| splat.arrival()));
-        })?;
-        if stop.load(Ordering::Relaxed) {
-            return Ok(false);
-        }
-
-        // Phase 3: sensor tracing and connection. The allocation learns the error per pixel for later iterations.
-        let Renderer { device, plan, scene, sensor, allocation, film, responses, stats, .. } = self;
-        if let Some(responses) = responses {
-            stats.timed(stage::SORT_ARRIVALS, || responses.begin(splats, samples));
-        }
-        let learn = |seen: &[[f32; 4]], image: &[f32]| {
-            if let Some(allocation) = allocation {
-                allocation.add(seen, image, &counts, samples);
-            }
-        };
-        let ready = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
-        if !ready.run(plan, &counts, &mut image, responses.as_mut(), learn, stop, stats)? {
-            return Ok(false);
-        }
-
-        // Film.
-        let image = responses.as_ref().map_or(&image[..], ResponseSums::total);
-        stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
-        if let Some(responses) = responses {
-            responses.end();
-        }
-
-        stats.waits += device.waits() - waits;
-        stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
-        self.finish_iteration(counts.max());
-        Ok(true)
-    }
-
-    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Calls `visit` with
-    /// the splat of every vertex that the sensor sees (t = 1).
-    fn build_pool(&mut self, iteration: &Iteration, visit: &mut impl FnMut(Splat)) -> Result<SortedPool> {
-        let Renderer { plan, scene, light, stats, .. } = self;
-
-        // Phase 1: light tracing.
-        scene.write_frame(&plan.frame(iteration, None))?;
-        let vertices = light.run(plan, visit, stats)?;
-
-        // Phase 2: hierarchy construction.
-        vertices.sort(plan, stats)
-    }
-
-    /// Adds an iteration without tracing it: no light can arrive inside the gate, so all its samples are black.
-    fn add_black_iteration(&mut self, samples: u32) {
-        self.film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
-        if let Some(responses) = &mut self.responses {
-            responses.begin(vec![], samples);
-            responses.end();
-        }
-        self.stats.samples += self.plan.crop_pixels * u64::from(samples);
-        self.finish_iteration(samples);
-    }
-
-    fn next_iteration(&self, samples: u32) -> Iteration {
-        Iteration { number: self.next, first_sample: self.first_sample, samples }
-    }
-
-    /// `max`: the maximum number of samples in a pixel of the iteration.
-    fn finish_iteration(&mut self, max: u32) {
-        self.done.add(self.next);
-        self.next += 1;
-        self.first_sample += max;
-        self.stats.iterations += 1;
     }
 
     /// Whether culling is on and bounds show that no light can arrive inside the gate. If so, every sample is black and none is traced.

@@ -118,7 +118,7 @@ pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Pre
     let samples = (SAMPLES / pixels).clamp(MIN_PIXEL_SAMPLES, MAX_SAMPLES_PER_PIXEL);
     let iterations = (ITERATIONS * SAMPLES / (samples * pixels)).clamp(ITERATIONS, MAX_ITERATIONS);
     for _ in 0..iterations {
-        renderer.observe(samples, &mut |seen| times.add(unit * seen.tau_or_weight, luminance(seen.rgb)))?;
+        renderer.observe(samples, &mut |seen| times.add(unit * seen.tau, luminance(seen.rgb)))?;
     }
     Ok(times)
 }

@@ -6,7 +6,7 @@ mod buffers;
 mod kernels;
 mod observe;
 mod phase;
-mod tile;
+mod subpaths;
 mod tiles;
 
 use std::sync::Arc;
@@ -14,10 +14,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::compaction::{COUNTERS, indirect_over};
 use super::device_scene::DeviceScene;
-use super::plan::Plan;
+use super::plan::{Observe, Plan};
 use super::pool::DevicePool;
-use super::responses::{Arrival, ResponseSums};
-use super::samples::{MAX_SAMPLES_PER_PIXEL, SampleCounts};
+use super::samples::MAX_SAMPLES_PER_PIXEL;
 use super::stats::{Stats, stage};
 use super::submit_size::TileSize;
 use crate::error::Result;
@@ -27,9 +26,9 @@ use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Dispatch, NONE, PathVertex};
 use buffers::Buffers;
 use kernels::{Kernels, SensorBindings};
-pub use observe::SensorContribution;
 pub use phase::SensorPhase;
-use tiles::{Tile, TileSample, Tiles};
+use subpaths::SensorSubpaths;
+pub use tiles::Tiles;
 
 /// Indices of the list counters: living paths (two lists that alternate between bounces), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
@@ -52,7 +51,7 @@ pub struct SensorTracer {
     kernels: Kernels,
     buffers: Buffers,
     recorder: Recorder,
-    /// See [`Drive`](crate::gpu::Drive).
+    /// Whether the host reads the lengths of the lists, or contributions, after each bounce. See [`Drive`](crate::gpu::Drive).
     waits_per_bounce: bool,
     slots: u32,
     /// Maximum number of paths in a tile that the buffers allow.
@@ -92,14 +91,17 @@ impl SensorTracer {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
         let mut buffers = stats.timed(stage::ALLOCATE, || Buffers::new(device, plan, capacity, slots as usize))?;
         buffers.bvh_parts.write(0, &plan.bvh_parts)?;
-        let tile = TileSize::new(plan.tuning.tile.unwrap_or(1 << 13), capacity, plan.tuning.tile.is_some());
+        // The order of contributions that the host observes must not depend on the time that submits take.
+        let is_fixed = plan.tuning.tile.is_some() || plan.observe.has_vertices();
+        let tile = TileSize::new(plan.tuning.tile.unwrap_or(1 << 13), capacity, is_fixed);
         Ok(SensorTracer {
             kernels,
             buffers,
             recorder: Recorder::new(device)?,
             // The host divides the search for ellipsoids into submits, so it must know the number of candidates.
             waits_per_bounce: device.info().drive.waits_per_bounce
-                || plan.estimator.ellipsoids == Ellipsoids::Enumerated,
+                || plan.estimator.ellipsoids == Ellipsoids::Enumerated
+                || plan.observe != Observe::Nothing,
             slots,
             capacity,
             tile,
@@ -140,45 +142,5 @@ impl SensorTracer {
     pub fn buffer_descs(info: &DeviceInfo, plan: &Plan, slots: u32) -> Vec<BufferDesc> {
         let capacity = SensorTracer::capacity(info, plan, slots);
         BufferList::of(|list| Buffers::new(list, plan, capacity, slots as usize))
-    }
-
-    /// Renders `counts` samples per pixel of the crop. Adds the mean of each pixel to `image` (RGB, row-major), and the arrivals to
-    /// `responses`. `visit`: see [`Buffers::add_film`]. Returns false, with nothing added to `image`, if `stop` became true before the
-    /// end. Fails without a call of `visit` if the device's counts contradict each other.
-    #[allow(clippy::too_many_arguments)]
-    pub fn run(
-        &mut self,
-        plan: &Plan,
-        bindings: &SensorBindings,
-        counts: &SampleCounts,
-        image: &mut [f32],
-        mut responses: Option<&mut ResponseSums>,
-        visit: impl FnOnce(&[[f32; 4]], &[f32]),
-        stop: &Arc<AtomicBool>,
-        stats: &mut Stats,
-    ) -> Result<bool> {
-        self.tile.begin(!self.abandoned);
-        (self.stop, self.abandoned) = (stop.clone(), false);
-        let mut tiles = stats.timed(stage::RECORD, || Tiles::new(plan.crop, counts));
-        while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile.get())) {
-            let mut arrivals = vec![];
-            self.run_tile(plan, bindings, tile, is_last, responses.is_some().then_some(&mut arrivals), stats)?;
-            if self.is_abandoned() {
-                return Ok(false);
-            }
-            stats.samples += tile.sample_count() as u64;
-            if let Some(responses) = &mut responses {
-                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &arrivals));
-            }
-        }
-        let tally = stats.timed(stage::READ_FILM, || self.buffers.film_tallies(image.len() / 3))?;
-        stats.dropped += tally[0];
-        stats.shadow_rays += tally[1];
-        stats.inside_gate += tally[2];
-        stats.candidates += tally[3];
-        // Samples of later iterations must not follow a film that is wrong.
-        stats.check()?;
-        stats.timed(stage::READ_FILM, || self.buffers.add_film(image, visit))?;
-        Ok(true)
     }
 }

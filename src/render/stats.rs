@@ -1,7 +1,7 @@
 //! Counts of the work that a render did, and the time that each part of it took.
 
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 use crate::gpu::Recorder;
@@ -105,8 +105,13 @@ impl Stats {
     pub(super) fn timed<T>(&mut self, stage: &str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
-        add(&mut self.host_seconds, stage, start.elapsed().as_secs_f64());
+        self.add_host(stage, start.elapsed());
         result
+    }
+
+    /// Adds the wall time of work on the host to `stage`.
+    pub(super) fn add_host(&mut self, stage: &str, time: Duration) {
+        add(&mut self.host_seconds, stage, time.as_secs_f64());
     }
 
     /// As [`Stats::timed`] for work before the first iteration.

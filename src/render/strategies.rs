@@ -1,7 +1,7 @@
 //! One image per strategy (s, t), with and without its MIS weight, which shows what each strategy adds to the image.
 
 use super::Renderer;
-use super::observe::Contribution;
+use super::contribution::Contribution;
 use super::plan::{Observe, Plan};
 use super::prepared_scene::PreparedScene;
 use crate::error::{Error, Result};
@@ -95,7 +95,7 @@ impl StrategyImages {
         }
         let mut sums = vec![[vec![0.0f32; 3 * pixels], vec![0.0f32; 3 * pixels]]; self.images.len()];
         self.renderer.observe(samples, &mut |seen: Contribution| {
-            let weight = seen.tau_or_weight;
+            let weight = seen.mis_weight;
             if !(seen.rgb.iter().all(|x| x.is_finite()) && weight.is_finite()) {
                 return;
             }

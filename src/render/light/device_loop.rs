@@ -137,7 +137,7 @@ impl DeviceLoop {
         plan: &Plan,
         batch: &Batch,
         pool: &mut LightPool,
-        visit: &mut impl FnMut(Splat),
+        visit: &mut impl FnMut(Contribution),
         stats: &mut Stats,
     ) -> Result<()> {
         let continues = plan.traces_light && batch.kind != BatchKind::BeamEvents;
@@ -244,7 +244,7 @@ impl DeviceLoop {
         batch: &Batch,
         count: usize,
         pool: &mut LightPool,
-        visit: &mut impl FnMut(Splat),
+        visit: &mut impl FnMut(Contribution),
     ) -> Result<Tally> {
         let paths = self.buffers.kept_paths.with::<[u32; 2], _>(count, |paths| paths.to_vec())?;
         let splats = self.buffers.kept_splats.with::<[u32; 4], _>(count, |splats| splats.to_vec())?;

@@ -10,7 +10,7 @@ impl Subpaths {
         plan: &Plan,
         batch: &Batch,
         pool: &mut LightPool,
-        visit: &mut impl FnMut(Splat),
+        visit: &mut impl FnMut(Contribution),
         stats: &mut Stats,
     ) -> Result<()> {
         let constants = batch.constants();
@@ -76,7 +76,13 @@ impl Subpaths {
         living.last().map_or(0, |&slot| slot as usize + 1)
     }
 
-    fn report_splats(&self, plan: &Plan, living: &[u32], s: u32, visit: &mut impl FnMut(Splat)) -> Result<Tally> {
+    fn report_splats(
+        &self,
+        plan: &Plan,
+        living: &[u32],
+        s: u32,
+        visit: &mut impl FnMut(Contribution),
+    ) -> Result<Tally> {
         let n = self.vertices_in_use(living);
         let mut tally = Tally::new(plan);
         let details = self.buffers.splat_details.to_vec::<f32>(if plan.observe.has_splat_details() { n } else { 0 })?;

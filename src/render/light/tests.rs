@@ -83,10 +83,11 @@ fn light_in_a_medium_spreads_as_the_closed_form_says() {
 
 #[test]
 fn a_splat_in_no_pixel_blames_the_device() {
-    let mut tally = Tally { pixels: 4, inside_gate: 0, dropped: 0, misplaced: 0 };
+    let mut tally =
+        Tally { observe: crate::render::plan::Observe::Nothing, pixels: 4, inside_gate: 0, dropped: 0, misplaced: 0 };
     let (one, mut seen) = (1.0f32.to_bits(), vec![]);
     for (red, pixel) in [(one, 3), (one, NONE), (f32::NAN.to_bits(), 0)] {
-        tally.report([red, one, one, pixel], 1.0, 2, &mut |splat| seen.push(splat.pixel_or_tau));
+        tally.report([red, one, one, pixel], 1.0, 2, &mut |splat| seen.push(splat.pixel));
     }
     let mut stats = Stats::default();
     tally.add_to(&mut stats).unwrap();

@@ -1,66 +1,73 @@
-//! One bounce of a tile of sensor subpaths: trace, query, connect.
+//! One bounce of the sensor subpaths of a tile: trace, query, connect.
 
 use super::*;
 use crate::render::submit_size::size_factor;
 
-impl SensorTracer {
-    /// Traces the `living` paths of a bounce and queries their new shade points. Records the connections, but does not submit
-    /// them. Returns the number of paths that continue and the seconds of the submit that traced them. If the iteration is abandoned,
-    /// no path continues.
-    pub(super) fn run_bounce(
-        &mut self,
-        bindings: &SensorBindings,
-        constants: &Dispatch,
-        living: u32,
-        stats: &mut Stats,
-    ) -> Result<(u32, f64)> {
-        stats.timed(stage::RECORD, || {
-            self.record_trace(bindings, constants, living)?;
-            self.record_counters()
-        })?;
-        let seconds = stats.submit(&mut self.recorder)?;
-        if self.is_abandoned() {
-            return Ok((0, seconds));
+impl SensorSubpaths<'_> {
+    /// Traces the living paths to their next shade points, and lists these.
+    pub fn trace(&mut self, bounce: u32) -> Result<()> {
+        self.constants.bounce = bounce;
+        self.traced = self.living;
+        let SensorSubpaths { tracer, bindings, constants, traced, stats, .. } = self;
+        stats.timed(stage::RECORD, || tracer.record_trace(bindings, constants, *traced))?;
+        if !self.tracer.waits_per_bounce {
+            return Ok(());
         }
         // The host reads the list lengths here, because even a dispatch over an empty list costs as much as tracing hundreds
         // of paths.
-        let counters = self.read_counters(constants.count, stats)?;
-        let shade_points = counters[SHADE as usize];
-        if shade_points > 0 {
-            self.query(bindings, constants, shade_points, stats)?;
-            if self.is_abandoned() {
-                return Ok((0, seconds));
-            }
-            stats.timed(stage::RECORD, || self.record_candidates(bindings, constants, shade_points))?;
-            self.search_ellipsoids(bindings, constants, stats)?;
-            if self.is_abandoned() {
-                return Ok((0, seconds));
-            }
-            stats.timed(stage::RECORD, || self.record_connections(bindings, constants))?;
-        }
-        Ok((counters[LIVING[1 - constants.bounce as usize % 2] as usize], seconds))
+        let counters = self.submit()?;
+        self.living = counters[LIVING[1 - self.parity()] as usize];
+        self.shade_points = counters[SHADE as usize];
+        Ok(())
     }
 
-    /// Records a bounce without reading any list length: all paths of the tile may live.
-    pub(super) fn record_bounce(&mut self, bindings: &SensorBindings, constants: &Dispatch) -> Result<()> {
-        self.record_trace(bindings, constants, constants.count)?;
-        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
-        let shade_points = Dispatch { counter: SHADE, ..*constants };
-        r.dispatch_indirect(
-            "shell_query",
-            &k.query,
-            &bindings.query,
-            &shade_points,
-            indirect_over(&b.arguments, SHADE),
-        )?;
-        if let (Some(kernel), Some(bound)) = (&k.ellipsoids, &bindings.ellipsoids) {
-            let arguments = indirect_over(&b.arguments, SHADE);
-            r.dispatch_indirect("ellipsoid_resample", kernel, bound, &shade_points, arguments)?;
+    /// Light-cone shell queries: chooses light vertices for the new shade points, and lists the live candidates.
+    pub fn query(&mut self) -> Result<()> {
+        if self.has_no_work() {
+            return Ok(());
         }
-        self.record_candidates(bindings, constants, constants.count)?;
-        self.record_connections(bindings, constants)
+        let SensorSubpaths { tracer, bindings, constants, shade_points, stats, .. } = self;
+        if !tracer.waits_per_bounce {
+            return stats.timed(stage::RECORD, || {
+                tracer.record_queries(bindings, constants)?;
+                tracer.record_candidates(bindings, constants, *shade_points)
+            });
+        }
+        tracer.query(bindings, constants, *shade_points, stats)?;
+        if tracer.is_abandoned() {
+            return Ok(());
+        }
+        stats.timed(stage::RECORD, || tracer.record_candidates(bindings, constants, *shade_points))?;
+        tracer.search_ellipsoids(bindings, constants, stats)
     }
 
+    /// Records the connections of the listed candidates, and adds the contributions to the radiance of their paths.
+    pub fn connect(&mut self) -> Result<()> {
+        if self.has_no_work() {
+            return Ok(());
+        }
+        let SensorSubpaths { tracer, bindings, constants, stats, .. } = self;
+        let at = |counter: u32| Dispatch { counter, ..*constants };
+        let (k, b, r) = (&tracer.kernels, &tracer.buffers, &mut tracer.recorder);
+        let over = |list: u32| indirect_over(&b.arguments, list);
+        stats.timed(stage::RECORD, || {
+            r.dispatch_indirect("connect", &k.connect, &bindings.connect, &at(CANDIDATES), over(CANDIDATES))?;
+            r.dispatch_indirect("gather", &k.gather, &bindings.gather, &at(SHADE), over(SHADE))
+        })
+    }
+
+    /// Which of the two lists of living paths holds the paths of the present bounce.
+    pub(super) fn parity(&self) -> usize {
+        self.constants.bounce as usize % 2
+    }
+
+    /// Whether the present bounce has no shade points, or the iteration is abandoned.
+    fn has_no_work(&mut self) -> bool {
+        self.shade_points == 0 || self.tracer.waits_per_bounce && self.tracer.is_abandoned()
+    }
+}
+
+impl SensorTracer {
     /// Records a bounce of the living paths (at most `max`): their tracing, then the lists of continuing paths and of new shade
     /// points.
     fn record_trace(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
@@ -76,6 +83,20 @@ impl SensorTracer {
             indirect_over(&b.arguments, living),
         )?;
         k.compaction.record(r, &bindings.compact_paths[parity], &lists, max as usize, &b.arguments)
+    }
+
+    /// Records queries for the listed shade points, whatever their number.
+    fn record_queries(&mut self, bindings: &SensorBindings, constants: &Dispatch) -> Result<()> {
+        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
+        let shade_points = Dispatch { counter: SHADE, ..*constants };
+        let over = indirect_over(&b.arguments, SHADE);
+        r.dispatch_indirect("shell_query", &k.query, &bindings.query, &shade_points, over)?;
+        match (&k.ellipsoids, &bindings.ellipsoids) {
+            (Some(kernel), Some(bound)) => {
+                r.dispatch_indirect("ellipsoid_resample", kernel, bound, &shade_points, over)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Queries the `all` > 0 new shade points of a bounce. If they are few, the query joins the next submit. If they are
@@ -155,19 +176,5 @@ impl SensorTracer {
         let part = Dispatch { counter: CANDIDATES, ..*part };
         self.recorder.dispatch("ellipsoid_triangles", kernel, bound, &part, kernel.groups(batch))?;
         stats.submit(&mut self.recorder)
-    }
-
-    /// Records the connections of the listed candidates, and adds the contributions to the radiance of their paths.
-    fn record_connections(&mut self, bindings: &SensorBindings, constants: &Dispatch) -> Result<()> {
-        let at = |counter: u32| Dispatch { counter, ..*constants };
-        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
-        r.dispatch_indirect(
-            "connect",
-            &k.connect,
-            &bindings.connect,
-            &at(CANDIDATES),
-            indirect_over(&b.arguments, CANDIDATES),
-        )?;
-        r.dispatch_indirect("gather", &k.gather, &bindings.gather, &at(SHADE), indirect_over(&b.arguments, SHADE))
     }
 }

@@ -1,131 +1,106 @@
-//! Traces sensor subpaths without a film and reports every contribution to the host.
+//! Reports the contributions of sensor subpaths to the host.
 
 use std::panic::resume_unwind;
+use std::time::Instant;
 
+use super::tiles::TileSample;
 use super::*;
 use crate::gpu::ReadBack;
-use crate::render::plan::Observe;
+use crate::render::contribution::Contribution;
+use crate::render::pool::SortedPool;
+use crate::render::responses::{Arrival, IndexInTile};
 use crate::render::stats::computes_wrongly;
 use crate::threads::spawn_scoped;
 use crate::wgsl::layout::Candidate;
 use crate::wgsl::layout::constants::NOT_TRACED;
 
-/// A contribution of a sensor subpath.
-pub struct SensorContribution {
-    /// Value for one sample of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
-    pub rgb: [f32; 3],
-    /// With [`Observe::Strategies`] the MIS weight; otherwise the travel time in units of the render space, 0 for
-    /// light from the sky.
-    pub tau_or_weight: f32,
-    /// Index of the subpath in its tile.
-    pub path: u32,
-    /// Row-major index in the crop.
-    pub pixel: u32,
-    /// Number of vertices of the sensor subpath, the one on the sensor included.
-    pub t: u32,
-    /// Index in the pool of the connected light vertex, or SKY_VERTEX; `None` if the subpath hit an emitter or left the scene, and
-    /// always with [`Observe::Responses`].
-    pub vertex: Option<u32>,
-    /// Whether an auxiliary vertex lies between the two subpaths. False with [`Observe::Responses`].
-    pub ellipsoidal: bool,
-}
-
-impl SensorTracer {
-    /// As [`SensorTracer::run`], for a plan that observes contributions. The host waits for each bounce. Calls `visit` with all light of
-    /// s = 0 (emitter hits, the sky) and with every connection that is not blocked. [`Observe::Times`] leaves out emitters in view, and
-    /// s = 0 from the sky.
-    pub fn observe(
-        &mut self,
-        plan: &Plan,
-        bindings: &SensorBindings,
-        counts: &SampleCounts,
-        visit: &mut impl FnMut(SensorContribution),
-    ) -> Result<()> {
-        assert!(plan.observe != Observe::Nothing);
-        let mut tiles = Tiles::new(plan.crop, counts);
-        while let Some((tile, _)) = tiles.next(self.tile.get()) {
-            let constants = self.start_tile(bindings, tile)?;
-            let take = &mut |part: Vec<SensorContribution>| part.into_iter().for_each(&mut *visit);
-            self.observe_bounces(plan, bindings, &tile.samples(), &constants, &mut Stats::default(), &Some, take)?;
-        }
-        Ok(())
+impl SensorSubpaths<'_> {
+    /// The contributions of the present bounce, for a plan that observes times or strategies: all light of s = 0 (emitter hits, the
+    /// sky) and every connection that is not blocked. [`Observe::Times`] leaves out emitters in view, and s = 0 from the sky.
+    pub fn contributions(&mut self, pool: &SortedPool) -> Result<Vec<Vec<Contribution>>> {
+        let (bounce, crop, has_tau) = (self.constants.bounce, self.plan.crop, self.plan.observe == Observe::Times);
+        self.read(&|seen: Seen| {
+            let Seen { rgb, detail, vertex, sample, .. } = seen;
+            let ellipsoidal = vertex.is_some_and(|vertex| vertex != SKY_VERTEX && vertex & ELLIPSOIDAL != 0);
+            let s = match vertex.map(|vertex| if ellipsoidal { vertex & !ELLIPSOIDAL } else { vertex }) {
+                None => 0,
+                Some(SKY_VERTEX) => 1,
+                Some(vertex) => match pool.vertices.get(vertex as usize) {
+                    Some(vertex) => (vertex.flags & VERTEX_DEPTH) + 1,
+                    None => return Err(computes_wrongly("it connected a light vertex that does not exist")),
+                },
+            };
+            let pixel = tiles::crop_pixel(crop, sample[0]);
+            let (tau, mis_weight) = if has_tau { (detail, 1.0) } else { (f32::NAN, detail) };
+            Ok(Some(Contribution { rgb, pixel, tau, mis_weight, s, t: bounce + 2, ellipsoidal }))
+        })
     }
 
-    /// Runs the bounces of a tile until no path lives, `max_depth` is reached, or the iteration is abandoned. Several threads call `keep`
-    /// with the contributions. `take` gets the values that `keep` returns, bounce by bounce: first light of s = 0, then connections,
-    /// each in the order of paths. Returns the seconds of the longest submit that traced or connected paths.
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn observe_bounces<T: Send>(
-        &mut self,
-        plan: &Plan,
-        bindings: &SensorBindings,
-        tile: &[TileSample],
-        constants: &Dispatch,
-        stats: &mut Stats,
-        keep: &(impl Fn(SensorContribution) -> Option<T> + Sync),
-        take: &mut impl FnMut(Vec<T>),
-    ) -> Result<f64> {
-        let (mut living, mut longest) = (constants.count, 0.0f64);
-        for bounce in 0..plan.max_depth {
-            let traced = living;
-            let seconds;
-            (living, seconds) = self.run_bounce(bindings, &Dispatch { bounce, ..*constants }, living, stats)?;
-            longest = longest.max(seconds);
-            // The lists of an abandoned bounce contradict each other.
-            if self.is_abandoned() {
-                break;
-            }
-            let seen =
-                Seen { bounce, traced, shade_points: self.read_counters(constants.count, stats)?[SHADE as usize] };
-            stats.timed(stage::RECORD, || self.record_report(plan, tile, &seen))?;
-            longest = longest.max(stats.submit(&mut self.recorder)?);
-            stats.timed(stage::READ_FILM, || self.report(plan, tile, &seen, keep, take))?;
-            if living == 0 {
-                break;
-            }
-        }
-        Ok(longest)
+    /// The contributions of the present bounce, for a plan with several responses. In each part, the pixels ascend.
+    pub fn arrivals(&mut self) -> Result<Vec<Vec<Arrival<IndexInTile>>>> {
+        let indices = std::mem::take(&mut self.pixel_indices);
+        let arrivals = self.read(&|Seen { rgb, detail, path, .. }: Seen| {
+            // The kernels count values that are not finite as dropped, so the host leaves them out.
+            let has_light = rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3];
+            let pixel = IndexInTile(indices[path as usize]);
+            Ok(has_light.then_some(Arrival { pixel, tau: detail, rgb }))
+        });
+        self.pixel_indices = indices;
+        arrivals
     }
 
-    /// Records the copies of everything that [`SensorTracer::report`] reads.
-    fn record_report(&mut self, plan: &Plan, tile: &[TileSample], seen: &Seen) -> Result<()> {
-        let (b, r) = (&self.buffers, &mut self.recorder);
-        let (shade_points, entries) = seen.lengths(self.slots);
+    /// Reads what the present bounce has found. Several threads call `keep`. Returns the values that it returns: first for light of
+    /// s = 0, then for connections, each in the order of paths. Returns nothing if the iteration is abandoned.
+    fn read<T: Send>(&mut self, keep: &(impl Fn(Seen) -> Result<Option<T>> + Sync)) -> Result<Vec<Vec<T>>> {
+        // The lists of an abandoned bounce contradict each other.
+        if self.tracer.is_abandoned() {
+            return Ok(vec![]);
+        }
+        let entries = self.shade_points as usize * self.tracer.slots as usize;
+        self.record_reading(entries)?;
+        let live = self.submit()?[CANDIDATES as usize] as usize;
+        let start = Instant::now();
+        let parts = self.read_lists(entries, live, keep);
+        self.stats.add_host(stage::READ_FILM, start.elapsed());
+        parts
+    }
+
+    /// Records the copies of everything that [`SensorSubpaths::read_lists`] reads.
+    fn record_reading(&mut self, entries: usize) -> Result<()> {
+        let parity = self.parity();
+        let SensorSubpaths { tracer, plan, tile, traced, shade_points, stats, .. } = self;
+        let (b, r) = (&tracer.buffers, &mut tracer.recorder);
         let mut read = |buffer: &ReadBack, count: usize, size: usize| r.read_back(buffer, (count * size) as u64);
-        read(&b.living[seen.parity()], seen.traced as usize, size_of::<u32>())?;
-        read(&b.emitted, tile.len(), size_of::<[f32; 4]>())?;
-        if shade_points > 0 {
-            read(&b.shade_list, shade_points, size_of::<u32>())?;
+        stats.timed(stage::RECORD, || {
+            read(&b.living[parity], *traced as usize, size_of::<u32>())?;
+            read(&b.emitted, tile.sample_count(), size_of::<[f32; 4]>())?;
+            if *shade_points == 0 {
+                return Ok(());
+            }
+            read(&b.shade_list, *shade_points as usize, size_of::<u32>())?;
             read(&b.slot_list, entries, size_of::<u32>())?;
             read(&b.contributions, entries, size_of::<[f32; 4]>())?;
-            if plan.observe.has_vertices() {
-                read(&b.candidates, entries, size_of::<Candidate>())?;
-            }
-        }
-        self.record_counters()
+            if plan.observe.has_vertices() { read(&b.candidates, entries, size_of::<Candidate>()) } else { Ok(()) }
+        })
     }
 
-    /// Calls `keep` with the contributions that a bounce has found for a tile, and `take` with the values that it returns.
-    fn report<T: Send>(
+    /// See [`SensorSubpaths::read`]. The shade points have `entries` candidate slots, with `live` candidates.
+    fn read_lists<T: Send>(
         &self,
-        plan: &Plan,
-        tile: &[TileSample],
-        seen: &Seen,
-        keep: &(impl Fn(SensorContribution) -> Option<T> + Sync),
-        take: &mut impl FnMut(Vec<T>),
-    ) -> Result<()> {
-        let (b, slots) = (&self.buffers, self.slots);
+        entries: usize,
+        live: usize,
+        keep: &(impl Fn(Seen) -> Result<Option<T>> + Sync),
+    ) -> Result<Vec<Vec<T>>> {
+        let (b, slots) = (&self.tracer.buffers, self.tracer.slots);
         let no_path = || computes_wrongly("it listed a path that does not exist");
-        let found = |path: u32, [r, g, b, tau_or_weight]: [f32; 4], vertex: Option<u32>| {
-            let pixel = tiles::crop_pixel(plan.crop, tile.get(path as usize).ok_or_else(no_path)?[0]);
-            let ellipsoidal = vertex.is_some_and(|vertex| vertex != SKY_VERTEX && vertex & ELLIPSOIDAL != 0);
-            let vertex = vertex.map(|vertex| if ellipsoidal { vertex & !ELLIPSOIDAL } else { vertex });
-            let rgb = [r, g, b];
-            Ok(keep(SensorContribution { rgb, tau_or_weight, path, pixel, t: seen.bounce + 2, vertex, ellipsoidal }))
+        let found = |path: u32, [r, g, b, detail]: [f32; 4], vertex: Option<u32>| {
+            let sample = *self.samples.get(path as usize).ok_or_else(no_path)?;
+            let share = 1.0 / (sample[1] >> 16) as f32;
+            keep(Seen { rgb: [r, g, b].map(|x| x * share), detail, path, sample, vertex })
         };
 
         // Emitter hits of the traced paths.
-        let traced = b.living[seen.parity()].with(seen.traced as usize, <[u32]>::to_vec)?;
+        let traced = b.living[self.parity()].with(self.traced as usize, <[u32]>::to_vec)?;
         let emitted = |emitted: &[[f32; 4]]| {
             in_parts(&traced, MIN_PART, |path| match emitted.get(path as usize) {
                 Some(&value) if has_light(value) => found(path, value, None),
@@ -133,20 +108,18 @@ impl SensorTracer {
                 None => Err(no_path()),
             })
         };
-        b.emitted.with(tile.len(), emitted)??.into_iter().for_each(&mut *take);
+        let mut parts = b.emitted.with(self.samples.len(), emitted)??;
 
-        let (shade_points, entries) = seen.lengths(slots);
-        if shade_points == 0 {
-            return Ok(());
+        if self.shade_points == 0 {
+            return Ok(parts);
         }
         // Connections, without those for which no shadow ray was traced.
-        let candidates = self.read_counters(tile.len() as u32, &mut Stats::default())?[CANDIDATES as usize];
-        let slot_list = b.slot_list.with(candidates as usize, <[u32]>::to_vec)?;
-        let shade_list = b.shade_list.with(shade_points, <[u32]>::to_vec)?;
+        let slot_list = b.slot_list.with(live, <[u32]>::to_vec)?;
+        let shade_list = b.shade_list.with(self.shade_points as usize, <[u32]>::to_vec)?;
         // `in_parts` checks that the slots ascend. If the shade points ascend too, connections come in the order of their paths.
         in_order(&shade_list)?;
         let vertices_of = |candidates: &[Candidate]| candidates.iter().map(|candidate| candidate.vertex).collect();
-        let vertices: Vec<u32> = match plan.observe.has_vertices() {
+        let vertices: Vec<u32> = match self.plan.observe.has_vertices() {
             true => b.candidates.with(entries, vertices_of)?,
             false => vec![],
         };
@@ -160,9 +133,23 @@ impl SensorTracer {
                 }
             })
         };
-        b.contributions.with(entries, connections)??.into_iter().for_each(take);
-        Ok(())
+        parts.extend(b.contributions.with(entries, connections)??);
+        Ok(parts)
     }
+}
+
+/// What the device reports about a contribution of a sensor subpath.
+struct Seen {
+    /// Contribution to the mean of the pixel.
+    rgb: [f32; 3],
+    /// The number that [`Observe`] adds.
+    detail: f32,
+    /// Index of the subpath in its tile, and its sample.
+    path: u32,
+    sample: TileSample,
+    /// Index in the pool of the connected light vertex with the flag ELLIPSOIDAL, or SKY_VERTEX; `None` if the subpath hit an emitter or
+    /// left the scene, and always with [`Observe::Responses`].
+    vertex: Option<u32>,
 }
 
 fn has_light([r, g, b, _]: [f32; 4]) -> bool {
@@ -202,26 +189,6 @@ fn in_parts<T: Send>(
         let others = others.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
         std::iter::once(read_all(first)).chain(others).collect()
     })
-}
-
-/// A bounce of a tile that the host reads.
-struct Seen {
-    bounce: u32,
-    /// Number of paths that were traced.
-    traced: u32,
-    shade_points: u32,
-}
-
-impl Seen {
-    /// Which of the two lists of living paths holds the traced paths.
-    fn parity(&self) -> usize {
-        self.bounce as usize % 2
-    }
-
-    /// Number of shade points, and of their candidate slots.
-    fn lengths(&self, slots: u32) -> (usize, usize) {
-        (self.shade_points as usize, self.shade_points as usize * slots as usize)
-    }
 }
 
 #[cfg(test)]

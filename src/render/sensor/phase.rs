@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use super::tiles::Tile;
 use super::*;
 use crate::render::compaction::Compaction;
 use crate::render::plan::Iteration;
 use crate::render::pool::SortedPool;
-use crate::render::responses::ResponseSums;
 
 /// The tracer, the pool on the device, and the descriptor sets over both.
 pub struct SensorPhase {
@@ -73,28 +73,39 @@ impl SensorPhase {
 }
 
 impl Ready {
-    /// See [`SensorTracer::run`].
-    #[allow(clippy::too_many_arguments)]
-    pub fn run(
-        &mut self,
-        plan: &Plan,
-        counts: &SampleCounts,
-        image: &mut [f32],
-        responses: Option<&mut ResponseSums>,
-        visit: impl FnOnce(&[[f32; 4]], &[f32]),
-        stop: &Arc<AtomicBool>,
-        stats: &mut Stats,
-    ) -> Result<bool> {
-        self.tracer.run(plan, &self.bindings, counts, image, responses, visit, stop, stats)
+    /// Begins an iteration, which is abandoned soon after `stop` has become true.
+    pub fn begin(&mut self, stop: &Arc<AtomicBool>) {
+        let tracer = &mut self.tracer;
+        tracer.tile.begin(!tracer.abandoned);
+        (tracer.stop, tracer.abandoned) = (stop.clone(), false);
     }
 
-    /// See [`SensorTracer::observe`].
-    pub fn observe(
-        &mut self,
-        plan: &Plan,
-        counts: &SampleCounts,
-        visit: &mut impl FnMut(SensorContribution),
+    /// Maximum number of samples of the next tile.
+    pub fn tile_size(&self) -> usize {
+        self.tracer.tile.get()
+    }
+
+    /// Starts the sensor subpaths of a tile, one per sample.
+    pub fn start<'a>(&'a mut self, plan: &'a Plan, tile: &'a Tile, stats: &'a mut Stats) -> Result<SensorSubpaths<'a>> {
+        SensorSubpaths::start(&mut self.tracer, &self.bindings, plan, tile, stats)
+    }
+
+    /// Adds the mean of each pixel to `image` (RGB, row-major), and counts what the device has counted. `visit`: see
+    /// [`Buffers::add_film`]. Fails without a call of `visit` if the device's counts contradict each other.
+    pub fn add_film(
+        &self,
+        image: &mut [f32],
+        visit: impl FnOnce(&[[f32; 4]], &[f32]),
+        stats: &mut Stats,
     ) -> Result<()> {
-        self.tracer.observe(plan, &self.bindings, counts, visit)
+        let buffers = &self.tracer.buffers;
+        let tally = stats.timed(stage::READ_FILM, || buffers.film_tallies(image.len() / 3))?;
+        stats.dropped += tally[0];
+        stats.shadow_rays += tally[1];
+        stats.inside_gate += tally[2];
+        stats.candidates += tally[3];
+        // Samples of later iterations must not follow a film that is wrong.
+        stats.check()?;
+        stats.timed(stage::READ_FILM, || buffers.add_film(image, visit))
     }
 }

@@ -1,0 +1,179 @@
+//! One iteration: Algorithm 1 of the paper.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::Renderer;
+use super::contribution::Contribution;
+use super::plan::{Iteration, Observe};
+use super::pool::SortedPool;
+use super::samples::SampleCounts;
+use super::sensor::Tiles;
+use super::stats::stage;
+use crate::error::{Error, Result};
+#[cfg(doc)]
+use crate::image::film::Film;
+
+#[warn(missing_docs)]
+impl Renderer {
+    /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light vertices and
+    /// `samples` samples per pixel: in every pixel, or on average if the sampling is adaptive. `samples` is 1 to 16. With aimed camera
+    /// rays and uniform sampling it is 1 to 1024. Fails if it is out of range or if a buffer does not fit the device. Also fails if the
+    /// device is lost, or if its counts contradict each other. After an error the film is as before. But a render of several or shaped
+    /// responses begins anew if the iteration has already changed over 4 million pixels of its images. Then [`Film::samples`] is 0.
+    pub fn iterate(&mut self, samples: u32) -> Result<()> {
+        self.iterate_unless(samples, &Arc::default()).map(drop)
+    }
+
+    /// As [`Renderer::iterate`], but gives up soon after `stop` has become true. Returns whether the iteration was added to the
+    /// film. If not, the film is as before, and the next call renders the same iteration. A render of several responses may begin
+    /// anew instead, see [`Renderer::iterate`].
+    #[doc(hidden)]
+    pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
+        let max = self.plan.max_samples();
+        if !(1..=max).contains(&samples) {
+            return Err(Error::Settings(format!(
+                "an iteration takes 1 to {max} samples per pixel, not {samples}; render more iterations instead"
+            )));
+        }
+        if self.plan.dark {
+            self.add_black_iteration(samples);
+            return Ok(true);
+        }
+        // Counts of a part of an iteration would contradict each other.
+        let before = self.stats.clone();
+        let done = self.render_iteration(samples, stop, &mut |_| {});
+        if !matches!(done, Ok(true)) {
+            self.stats = before;
+            if self.responses.as_mut().is_some_and(|responses| !responses.restore()) {
+                self.clear();
+            }
+        }
+        done
+    }
+
+    /// Renders one iteration of a plan that observes times or strategies, and calls `visit` with each contribution. The film does not
+    /// change.
+    pub(super) fn observe(&mut self, samples: u32, visit: &mut impl FnMut(Contribution)) -> Result<()> {
+        self.render_iteration(samples, &Arc::default(), visit).map(drop)
+    }
+
+    /// Algorithm 1. Returns false if it gave up because of `stop`. Then, and after an error, a part of the iteration may be in the
+    /// statistics and in the images of several responses. `visit`: see [`Renderer::observe`].
+    fn render_iteration(
+        &mut self,
+        samples: u32,
+        stop: &Arc<AtomicBool>,
+        visit: &mut impl FnMut(Contribution),
+    ) -> Result<bool> {
+        let (iteration, observe, waits) = (self.next_iteration(samples), self.plan.observe, self.device.waits());
+        let counts = match &self.allocation {
+            Some(allocation) => self.stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts(samples)),
+            None => SampleCounts::Uniform(samples),
+        };
+        let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
+
+        // Phases 1 and 2: light tracing, hierarchy construction. New vertices that the sensor sees add to the image (t = 1).
+        let mut splats = vec![];
+        let pool = self.build_pool(&iteration, &mut |splat: Contribution| match observe {
+            Observe::Nothing => splat.add_to(&mut image),
+            Observe::Responses => {
+                splat.add_to(&mut image);
+                splats.push(splat.arrival());
+            }
+            Observe::Times | Observe::Strategies => visit(splat),
+        })?;
+        if stop.load(Ordering::Relaxed) {
+            return Ok(false);
+        }
+
+        // Phase 3: sensor tracing, light-cone shell queries and connections, tile by tile.
+        let Renderer { device, plan, scene, sensor, allocation, film, responses, stats, .. } = self;
+        if let Some(responses) = responses {
+            stats.timed(stage::SORT_ARRIVALS, || responses.begin(splats, samples));
+        }
+        let sensor = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
+        sensor.begin(stop);
+        let mut tiles = stats.timed(stage::RECORD, || Tiles::new(plan.crop, &counts));
+        while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(sensor.tile_size())) {
+            let mut arrivals = vec![];
+            let mut subpaths = sensor.start(plan, tile, stats)?;
+            for bounce in 0..plan.max_depth {
+                subpaths.trace(bounce)?;
+                subpaths.query()?;
+                subpaths.connect()?;
+                match observe {
+                    Observe::Nothing => {}
+                    Observe::Responses => arrivals.extend(subpaths.arrivals()?),
+                    Observe::Times | Observe::Strategies => {
+                        subpaths.contributions(&pool)?.into_iter().flatten().for_each(&mut *visit);
+                    }
+                }
+                if subpaths.have_ended()? {
+                    break;
+                }
+            }
+            if !subpaths.resolve(is_last)? {
+                return Ok(false);
+            }
+            if let Some(responses) = responses {
+                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &arrivals));
+            }
+        }
+
+        // Film. The allocation learns the error per pixel for later iterations.
+        let learn = |seen: &[[f32; 4]], image: &[f32]| {
+            if let Some(allocation) = allocation {
+                allocation.add(seen, image, &counts, samples);
+            }
+        };
+        sensor.add_film(&mut image, learn, stats)?;
+        if !observe.has_vertices() {
+            let image = responses.as_ref().map_or(&image[..], |responses| responses.total());
+            stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
+        }
+        if let Some(responses) = responses {
+            responses.end();
+        }
+
+        stats.waits += device.waits() - waits;
+        stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
+        self.finish_iteration(counts.max());
+        Ok(true)
+    }
+
+    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Calls `visit` with every
+    /// vertex that the sensor sees (t = 1).
+    pub(super) fn build_pool(
+        &mut self,
+        iteration: &Iteration,
+        visit: &mut impl FnMut(Contribution),
+    ) -> Result<SortedPool> {
+        let Renderer { plan, scene, light, stats, .. } = self;
+        scene.write_frame(&plan.frame(iteration, None))?;
+        light.run(plan, visit, stats)?.sort(plan, stats)
+    }
+
+    pub(super) fn next_iteration(&self, samples: u32) -> Iteration {
+        Iteration { number: self.next, first_sample: self.first_sample, samples }
+    }
+
+    /// Adds an iteration without tracing it: no light can arrive inside the gate, so all its samples are black.
+    fn add_black_iteration(&mut self, samples: u32) {
+        self.film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
+        if let Some(responses) = &mut self.responses {
+            responses.begin(vec![], samples);
+            responses.end();
+        }
+        self.stats.samples += self.plan.crop_pixels * u64::from(samples);
+        self.finish_iteration(samples);
+    }
+
+    /// `max`: the maximum number of samples in a pixel of the iteration.
+    pub(super) fn finish_iteration(&mut self, max: u32) {
+        self.done.add(self.next);
+        self.next += 1;
+        self.first_sample += max;
+        self.stats.iterations += 1;
+    }
+}

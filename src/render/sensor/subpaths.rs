@@ -1,0 +1,145 @@
+//! The sensor subpaths of one tile, from their samples to the film.
+
+use super::tiles::{Tile, TileSample};
+use super::*;
+use crate::render::stats::computes_wrongly;
+
+/// Maximum number of bounces per submit if the host does not wait for each bounce. Few paths live longer.
+const MAX_BOUNCES_PER_SUBMIT: u32 = 16;
+
+/// The sensor subpaths of a tile while they are traced. Each bounce is [`SensorSubpaths::trace`], [`SensorSubpaths::query`] and
+/// [`SensorSubpaths::connect`], in this order. There are two drives ([`Drive`](crate::gpu::Drive)). If the host waits for each bounce,
+/// these functions submit, and dispatch only over lists that have entries. Otherwise they only record.
+pub struct SensorSubpaths<'a> {
+    pub(super) tracer: &'a mut SensorTracer,
+    pub(super) bindings: &'a SensorBindings,
+    pub(super) plan: &'a Plan,
+    pub(super) tile: &'a Tile,
+    /// The samples of the tile, and for each the index of its pixel in the tile; empty if the plan observes nothing.
+    pub(super) samples: Vec<TileSample>,
+    pub(super) pixel_indices: Vec<u32>,
+    pub(super) stats: &'a mut Stats,
+    /// The constants of the present bounce.
+    pub(super) constants: Dispatch,
+    /// Number of paths that the present bounce traces, that the next one traces, and of new shade points. All paths of the tile if the
+    /// host does not know it.
+    pub(super) traced: u32,
+    pub(super) living: u32,
+    pub(super) shade_points: u32,
+    /// Seconds of the longest submit that traced or connected paths.
+    pub(super) longest: f64,
+}
+
+impl<'a> SensorSubpaths<'a> {
+    /// Starts one path per sample of `tile`.
+    pub(super) fn start(
+        tracer: &'a mut SensorTracer,
+        bindings: &'a SensorBindings,
+        plan: &'a Plan,
+        tile: &'a Tile,
+        stats: &'a mut Stats,
+    ) -> Result<SensorSubpaths<'a>> {
+        let constants = stats.timed(stage::RECORD, || tracer.record_start(bindings, tile))?;
+        let (samples, pixel_indices) = match plan.observe {
+            Observe::Nothing => (vec![], vec![]),
+            _ => (tile.samples(), tile.pixel_indices()),
+        };
+        let all = constants.count;
+        Ok(SensorSubpaths {
+            tracer,
+            bindings,
+            plan,
+            tile,
+            samples,
+            pixel_indices,
+            stats,
+            constants,
+            traced: all,
+            living: all,
+            shade_points: all,
+            longest: 0.0,
+        })
+    }
+
+    /// Submits the recorded commands and reads the lengths of the lists.
+    pub(super) fn submit(&mut self) -> Result<[u32; COUNTERS]> {
+        let SensorSubpaths { tracer, stats, constants, longest, .. } = self;
+        stats.timed(stage::RECORD, || tracer.record_counters())?;
+        *longest = longest.max(stats.submit(&mut tracer.recorder)?);
+        tracer.read_counters(constants.count, stats)
+    }
+
+    /// Whether no path continues after this bounce, or the iteration is abandoned.
+    pub fn have_ended(&mut self) -> Result<bool> {
+        let next = self.constants.bounce + 1;
+        if !self.tracer.waits_per_bounce && next.is_multiple_of(MAX_BOUNCES_PER_SUBMIT) && next < self.plan.max_depth {
+            self.living = self.submit()?[LIVING[next as usize % 2] as usize];
+        }
+        Ok(self.living == 0 || self.tracer.is_abandoned())
+    }
+
+    /// Averages the samples of each pixel on the device, and counts the work of the tile. With the last tile, the submit also reads the
+    /// film back. Returns false if the iteration is abandoned.
+    pub fn resolve(mut self, is_last: bool) -> Result<bool> {
+        let SensorSubpaths { tracer, bindings, stats, constants, .. } = &mut self;
+        stats.timed(stage::RECORD, || tracer.record_film(bindings, constants, is_last))?;
+        let counters = self.submit()?;
+        let SensorSubpaths { tracer, tile, stats, longest, .. } = self;
+        let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
+        let samples = tile.sample_count();
+        stats.samples += samples as u64;
+        stats.closest_rays += samples as u64 + total(LIVING[0]) + total(LIVING[1]);
+        stats.shade_points += total(SHADE);
+        stats.live_candidates += total(CANDIDATES);
+        tracer.tile.adapt(samples, is_last, longest);
+        Ok(!tracer.is_abandoned())
+    }
+}
+
+impl SensorTracer {
+    /// Records the start of one path per sample. Returns the constants that all dispatches of the tile share.
+    fn record_start(&mut self, bindings: &SensorBindings, tile: &Tile) -> Result<Dispatch> {
+        let (k, b) = (&self.kernels, &mut self.buffers);
+        let count = tile.sample_count() as u32;
+        let none = Dispatch { list_a: NONE, list_b: NONE, emitter: NONE, ..bytemuck::Zeroable::zeroed() };
+        let constants = Dispatch { count, counter: LIVING[0], ..none };
+        let (counters, arguments) = k.compaction.one_list(LIVING[0], count, k.trace.groups(count as usize));
+        b.tile_pixels.write(0, tile.pixels())?;
+        b.counters.write(&counters)?;
+        b.arguments.write(0, &arguments)?;
+        let over_pixels = Dispatch { count: tile.pixel_count() as u32, ..constants };
+        let groups = k.list_samples.groups(tile.pixel_count());
+        self.recorder.dispatch("list_samples", &k.list_samples, &bindings.list_samples, &over_pixels, groups)?;
+        let groups = k.start.groups(count as usize);
+        self.recorder.dispatch("sensor_start", &k.start, &bindings.start, &constants, groups)?;
+        Ok(constants)
+    }
+
+    /// Records the kernel that averages the samples of each pixel, and with the last tile the copy of the film.
+    fn record_film(&mut self, bindings: &SensorBindings, constants: &Dispatch, is_last: bool) -> Result<()> {
+        let resolve = &self.kernels.resolve;
+        let groups = resolve.groups(constants.count as usize);
+        self.recorder.dispatch("resolve", resolve, &bindings.resolve, constants, groups)?;
+        if is_last { self.buffers.read_film(&mut self.recorder) } else { Ok(()) }
+    }
+
+    pub(super) fn record_counters(&mut self) -> Result<()> {
+        self.recorder.read_back(&self.buffers.counters, size_of::<[u32; COUNTERS]>() as u64)
+    }
+
+    /// The counters of a tile of `paths` paths. Fails if the device reports a list with too many entries.
+    pub(super) fn read_counters(&self, paths: u32, stats: &mut Stats) -> Result<[u32; COUNTERS]> {
+        let mut counters = [0u32; COUNTERS];
+        let read = || self.buffers.counters.with(COUNTERS, |read| counters.copy_from_slice(read));
+        stats.timed(stage::READ_COUNTERS, read)?;
+        let lengths = [LIVING[0], LIVING[1], SHADE, CANDIDATES].map(|list| counters[list as usize]);
+        let slots = paths * self.slots.max(1);
+        if lengths[..3].iter().any(|&length| length > paths) || lengths[3] > slots {
+            return Err(computes_wrongly(&format!(
+                "{paths} paths gave lists of {} and {} living paths, {} shade points and {} candidates",
+                lengths[0], lengths[1], lengths[2], lengths[3]
+            )));
+        }
+        Ok(counters)
+    }
+}
