@@ -1,9 +1,8 @@
 //! Says in plain words what is wrong with a TOML file. The messages of serde name types of Rust, and omit the key and the table.
 
-use super::experiment::Experiment;
 use super::scan_table;
 use crate::settings::missing;
-use crate::settings::setting::{Setting, Value, Visitor};
+use crate::settings::table::find;
 
 /// Rewrites a message of the TOML parser about byte `at` of `text`. The result names the table, the key and the remedy. Messages
 /// that are already plain stay as they are. `home` returns the table to which a key belongs, see [`home_of`].
@@ -54,20 +53,21 @@ impl Place {
     fn explain(&self, message: &str, home: impl Fn(&str) -> Option<Home>) -> Option<String> {
         let table = if self.table.is_empty() { "the file" } else { &self.table };
         if let Some((key, names)) = quoted(message, "unknown field ") {
-            let home = home(key).filter(|home| format!("[{}]", home.table) != self.table);
+            let home = home(key).filter(|(home, _)| format!("[{home}]") != self.table);
             return Some(match (home, missing::reason(key)) {
-                (Some(Home { table: home, key: name }), _) if name == key => {
-                    format!("{table} has no key {key}: it belongs to [{home}]")
+                (Some(("", _)), _) => {
+                    format!("{table} has no key {key}: it belongs at the top of the file, before all tables")
                 }
-                (Some(Home { table: home, key: name }), _) => {
-                    format!("{table} has no key {key}: it belongs to [{home}], as {name}")
-                }
+                (Some((home, name)), _) if name == key => format!("{table} has no key {key}: it belongs to [{home}]"),
+                (Some((home, name)), _) => format!("{table} has no key {key}: it belongs to [{home}], as {name}"),
                 (None, Some(reason)) => format!("{table} has no key {key}: {reason}"),
                 (None, None) => format!("{table} has no key {key}: choose one of {}", list(names)),
             });
         }
         if let Some((key, _)) = quoted(message, "duplicate field ") {
-            return Some(format!("{table} has the key {key} twice: remove one"));
+            let old = find(key).and_then(|setting| setting.old_key);
+            let names = old.map_or(String::new(), |old| format!(" ({old} is an old name of it)"));
+            return Some(format!("{table} has the key {key} twice{names}: remove one"));
         }
         if let Some((key, _)) = quoted(message, "missing field ") {
             return Some(format!("{table} needs the key {key}"));
@@ -81,7 +81,22 @@ impl Place {
         }
         let wrong = message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))?;
         let (found, wanted) = wrong.split_once(", expected ")?;
-        Some(format!("{key} is {}, but must be {}", found_value(found), wanted_value(wanted, key)))
+        Some(format!("{key} is {}, but must be {}", found_value(found), self.wanted_value(wanted, key)))
+    }
+
+    fn wanted_value(&self, wanted: &str, key: &str) -> String {
+        match wanted {
+            "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
+            "f32" | "f64" => "a number".into(),
+            "a boolean" => "true or false".into(),
+            "a string" | "path string" => "text in quotation marks".into(),
+            "a sequence" if self.table.is_empty() => format!("a list: write [[{key}]] on a line and its keys below"),
+            "a sequence" => "a list".into(),
+            _ if wanted.starts_with("struct") || wanted == "a map" => {
+                format!("a table: write [{key}] on a line and its keys below")
+            }
+            _ => wanted.into(),
+        }
     }
 }
 
@@ -118,65 +133,23 @@ fn found_value(found: &str) -> String {
     }
 }
 
-fn wanted_value(wanted: &str, key: &str) -> String {
-    match wanted {
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
-        "f32" | "f64" => "a number".into(),
-        "a boolean" => "true or false".into(),
-        "a string" | "path string" => "text in quotation marks".into(),
-        "a sequence" => "a list".into(),
-        _ if wanted.starts_with("struct") || wanted == "a map" => {
-            format!("a table: write [{key}] on a line and its keys below")
-        }
-        _ => wanted.into(),
-    }
-}
+/// The table of an experiment file that has a key, and the present name of the key. The table is empty for the key of the scene.
+pub type Home = (&'static str, &'static str);
 
-/// The place of a key in an experiment file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Home {
-    /// Name of the table.
-    pub table: &'static str,
-    /// The key, which may be shorter than the name of its flag.
-    pub key: String,
-}
-
-/// Where the key or the flag `name` belongs in an experiment file; `None` if no table has it.
+/// Where the key or the flag `name` belongs in an experiment file, and its present name; `None` if no table has it.
 pub fn home_of(name: &str) -> Option<Home> {
-    /// Looks for a flag, or else for a key.
-    struct Find<'a> {
-        name: &'a str,
-        key: Option<String>,
+    if name == "scene" {
+        return Some(("", "scene"));
     }
-    impl Visitor for Find<'_> {
-        fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
-            if setting.name == self.name || setting.key() == self.name {
-                self.key = Some(setting.key());
-            }
-        }
-    }
-    type Visit = fn(&mut Experiment, &mut Find);
-    let tables: [(&str, Visit); 7] = [
-        ("camera", |experiment, find| experiment.camera.visit(find)),
-        ("emitter", |experiment, find| experiment.emitter.visit(find)),
-        ("input", |experiment, find| experiment.input.visit(find)),
-        ("medium", |experiment, find| experiment.medium.visit(find)),
-        ("gate", |experiment, find| experiment.gate.visit(find)),
-        ("render", |experiment, find| experiment.render.visit(find)),
-        ("output", |experiment, find| experiment.output.visit(find)),
-    ];
-    let (mut experiment, mut find) = (Experiment::default(), Find { name, key: None });
-    let home = tables.into_iter().find_map(|(table, visit)| {
-        visit(&mut experiment, &mut find);
-        find.key.take().map(|key| Home { table, key })
-    });
-    let of_scan = || scan_table::KEYS.contains(&name).then(|| Home { table: "scan", key: name.into() });
-    home.or_else(of_scan)
+    let key_of_scan = || scan_table::KEYS.into_iter().find(|key| *key == name).map(|key| ("scan", key));
+    find(name).map(|setting| (setting.table, setting.name)).or_else(key_of_scan)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::input::experiment::Experiment;
+    use crate::settings::table;
 
     #[test]
     fn a_mistake_has_a_table_and_a_key() {
@@ -205,19 +178,22 @@ mod tests {
             ("spp = 4", "the file has no key spp: it belongs to [render]"),
             ("[output]\nspp = 4", "[output] has no key spp: it belongs to [render]"),
             ("[render]\nsigma-s = 0.1", "[render] has no key sigma-s: it belongs to [medium]"),
+            ("[gate]\nmedium_group_ior = 1.36", "[gate] has no key medium-group-ior: it belongs to [medium]"),
             (
-                "[gate]\nmedium_group_ior = 1.36",
-                "[gate] has no key medium-group-ior: it belongs to [medium], as group-ior",
+                "[render]\ngroup-ior = 1.36",
+                "[render] has no key group-ior: it belongs to [medium], as medium-group-ior",
             ),
-            ("[render]\ngroup-ior = 1.36", "[render] has no key group-ior: it belongs to [medium]"),
-            ("[medium]\ng = 0.8\nphase-g = 0.8", "[medium] has the key g twice: remove one"),
+            (
+                "[medium]\ng = 0.8\nphase-g = 0.8",
+                "[medium] has the key phase-g twice (g is an old name of it): remove one",
+            ),
             ("[camera]\nf_number = 2.8", "[camera] has no key f-number: cameras are pinholes or orthographic"),
             ("[camera]\nlaser = [1, 2, 3]", "[camera] has no key laser: it belongs to [scan]"),
             ("pixel-fov = 3", "the file has no key pixel-fov: it belongs to [scan]"),
             ("[camera]\npower = 3", "[camera] has no key power: choose one of camera"),
             (
                 "[gate]\ngte = 4",
-                "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, cw, gate-keys, force",
+                "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, gate-keys, cw, force",
             ),
             ("scne = 'a.glb'", "the file has no key scne: choose one of scene, camera, emitter"),
             ("output = 'x.exr'", "output is the text \"x.exr\", but must be a table: write [output] on a line"),
@@ -247,5 +223,60 @@ mod tests {
                 "{message}"
             );
         }
+    }
+
+    /// Every key in every table that does not have it: the message names the right table and a key that this table takes.
+    #[test]
+    fn a_misplaced_key_is_sent_to_the_table_that_has_it() {
+        let headers = [
+            "",
+            "[camera]",
+            "[emitter]",
+            "[input]",
+            "[medium]",
+            "[[medium]]",
+            "[gate]",
+            "[render]",
+            "[output]",
+            "[scan]",
+            "[[light]]",
+            "[[response]]",
+        ];
+        let settings = table::all().flat_map(|setting| {
+            [Some(setting.name), setting.old_key].into_iter().flatten().map(|key| (setting.table, key))
+        });
+        let all: Vec<_> = settings.chain(scan_table::KEYS.map(|key| ("scan", key))).chain([("", "scene")]).collect();
+        let message = |header: &str, key: &str| {
+            let text = format!("{header}\n{key} = true\n");
+            Experiment::parse(&text).map_or_else(|error| error.message, |_| String::new())
+        };
+        let mut count = 0;
+        for (table, key) in &all {
+            for header in headers.iter().filter(|header| header.trim_matches(['[', ']']) != *table) {
+                let found = message(header, key);
+                if *header == "[[response]]" && ["gate", "depth"].contains(key) {
+                    continue;
+                }
+                count += 1;
+                if header.is_empty() && headers.iter().any(|header| header.trim_matches(['[', ']']) == *key) {
+                    assert!(found.contains(": write [") && found.contains(&format!("[{key}]")), "{key}: {found}");
+                    continue;
+                }
+                let place = if header.is_empty() { "the file" } else { header };
+                let (head, remedy) =
+                    found.split_once(": it belongs ").unwrap_or_else(|| panic!("{header} {key}: {found}"));
+                assert_eq!(head, format!("{place} has no key {key}"));
+                if table.is_empty() {
+                    assert_eq!(remedy, "at the top of the file, before all tables");
+                    continue;
+                }
+                let (home, name) = remedy.split_once(", as ").unwrap_or((remedy, key));
+                assert_eq!(home, format!("to [{table}]"));
+                let there = message(&format!("[{table}]"), name);
+                assert!(!there.contains("has no key"), "{header} {key}: {there}");
+                assert!(home_of(name) == Some((table, name)), "{key}: {name} is the present name");
+            }
+        }
+        assert!(count > 1000, "{count} places");
     }
 }
