@@ -1,7 +1,7 @@
 //! Parses the text of an experiment, with errors that say where a mistake stands.
 
 use super::Experiment;
-use crate::input::plain::{home_of, plain};
+use crate::input::plain::{from_toml, home_of};
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::setting::Setting;
 use crate::settings::table::MediumTable;
@@ -9,10 +9,9 @@ use crate::settings::table::MediumTable;
 impl Experiment {
     /// Parses the text of an experiment. Paths stay as written.
     pub fn parse(text: &str) -> Result<Experiment, ParseError> {
-        let mut experiment: Experiment = toml::from_str(text).map_err(|e| {
-            let at = e.span().map_or(0, |span| span.start);
-            let (line, column) = position(text, at);
-            ParseError { line, column, message: plain(e.message(), text, at, home_of) }
+        let mut experiment: Experiment = from_toml(text, home_of).map_err(|(span, message)| {
+            let (line, column) = position(text, span.start);
+            ParseError { line, column, message }
         })?;
         let tables = std::mem::take(&mut experiment.response).into_iter().map(|table| table.0);
         let specs: Vec<ResponseSpec> =
