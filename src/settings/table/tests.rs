@@ -67,8 +67,8 @@ fn names_are_the_keys_of_the_file_and_all_have_help() {
 #[test]
 fn settings_exclude_earlier_ones_and_reset_those_of_their_table() {
     for (k, setting) in all().enumerate() {
-        let is_earlier = |other: &&str| all().take(k).any(|earlier| earlier.name == *other);
-        assert!(setting.excludes.iter().all(|other| is_earlier(&other)), "--{}", setting.name);
+        let earlier: Vec<&str> = all().take(k).map(|earlier| earlier.name).collect();
+        assert!(setting.excludes.iter().all(|other| earlier.contains(other)), "--{}", setting.name);
         assert_eq!(setting.excludes.is_empty(), setting.both.is_empty(), "--{}", setting.name);
         let is_beside = |other: &str| find(other).is_some_and(|other| other.table == setting.table);
         assert!(setting.resets.iter().all(|other| is_beside(other)), "--{}", setting.name);
