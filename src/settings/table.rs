@@ -13,9 +13,7 @@ use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
 use crate::settings::frames::{Frames, GateKeys};
 use crate::settings::frequencies::Frequencies;
-use crate::settings::gate_pictures::GatePictures;
 use crate::settings::gates::Gates;
-use crate::settings::grid::Filter;
 use crate::settings::medium::{
     Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, RefractiveIndex, Share,
 };

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::scene::{DensityGrid, GridFilter, grid};
-use crate::settings::grid::Filter;
+use crate::settings::Filter;
 use crate::settings::numbers::Numbers;
 use crate::settings::table::MediumTable;
 
