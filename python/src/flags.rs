@@ -5,23 +5,20 @@ use std::ffi::OsStr;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::input::named::excluding;
 use taugate::internals::settings::missing;
-use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
+use taugate::internals::settings::setting::{Form, Setting, Taker, Value, Visitor};
+use taugate::internals::settings::table::{self, excluding};
 
 use crate::errors::{Result, settings};
 
 /// The name of a flag without its dashes, and its words: one for each time that the user would type the flag.
 pub type Words = (String, Vec<String>);
 
-/// Settings under the heading Output that a render in Python has.
-const OUTPUTS: [&str; 2] = ["aov", "variance"];
-
 /// The experiment of the flags. Fails if there is no such flag, if a word is not a valid value, or if two flags exclude each other.
 pub fn experiment(flags: &[Words]) -> Result<Experiment> {
     for (k, (name, _)) in flags.iter().enumerate() {
-        let excluding = excluding(name);
-        if let Some((other, _)) = flags[..k].iter().find(|(other, _)| excluding.contains(&other.as_str())) {
+        let earlier = |name: &str| flags[..k].iter().any(|(other, _)| other == name);
+        if let Some(other) = excluding(name).find(|other| earlier(other)) {
             return Err(settings(format!("--{name} cannot be used with --{other}; keep one")));
         }
     }
@@ -43,8 +40,7 @@ struct Set<'a> {
 
 impl Visitor for Set<'_> {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        // Settings in tables `[[medium]]` have the same names as flags. The visit begins with the flags, so the first match counts.
-        if setting.name != self.name || self.found.is_some() {
+        if setting.name != self.name {
             return;
         }
         let parse = |word: &String| T::parse(OsStr::new(word)).map_err(|message| wrong(setting, word, &message));
@@ -64,21 +60,19 @@ fn wrong(setting: &Setting, word: &str, message: &str) -> String {
     format!("invalid value '{word}' for '{flag}': {message}")
 }
 
-/// The settings of a render by name. Each has three entries: how its flag takes values (`value`, `repeated`, `switch`, or
-/// `optional`), the value of the flag without a word, and the help text.
+/// The settings of a render by name. Each has four entries: how its flag takes values (`value`, `repeated`, `switch`, or
+/// `optional`), the value of the flag without a word, what the help text calls the value, and the help text.
 #[pyfunction]
 pub fn flags(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-    let mut list = List(vec![]);
-    Experiment::default().visit(&mut list);
     let dict = PyDict::new(py);
-    for setting in list.0 {
+    for setting in table::all().filter(|setting| setting.is_for(Taker::Python)) {
         let (form, bare) = match setting.form {
             Form::Value | Form::Signed => ("value", ""),
             Form::Repeated | Form::SignedRepeated => ("repeated", ""),
             Form::Switch => ("switch", "true"),
             Form::Optional { bare, .. } => ("optional", bare),
         };
-        dict.set_item(setting.name, (form, bare, setting.help.trim()))?;
+        dict.set_item(setting.name, (form, bare, setting.value, setting.help.trim()))?;
     }
     Ok(dict)
 }
@@ -87,14 +81,4 @@ pub fn flags(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 #[pyfunction]
 pub fn reason_of_missing(name: &str) -> Option<&'static str> {
     missing::reason(name)
-}
-
-struct List(Vec<&'static Setting>);
-
-impl Visitor for List {
-    fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
-        if !["Output", "Long renders"].contains(&setting.heading) || OUTPUTS.contains(&setting.name) {
-            self.0.push(setting);
-        }
-    }
 }

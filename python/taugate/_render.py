@@ -77,7 +77,9 @@ def histogram(
 def _run(call, kind, single, scene, progress, settings, **sum_files):
     scene = scene if isinstance(scene, Scene) else load(scene)
     native, flags = scene._job(settings, call)
-    flags.extend((name, [word(name, value)]) for name, value in sum_files.items() if value is not None)
+    # `every` is a duration, as `time` is.
+    kinds = {"every": "time"}
+    flags.extend((name, [word(kinds.get(name, name), value)]) for name, value in sum_files.items() if value is not None)
     with watcher(progress) as watch:
         try:
             image, interrupt = native.render(flags, single, watch)

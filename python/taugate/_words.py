@@ -13,10 +13,8 @@ from ._errors import SettingsError
 from ._grid import grid_file, sky_file
 
 FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags().items()}
-# A pair of numbers in these settings is a range in metres.
-RANGES = ("gate", "depth")
-# Units of numbers in these settings.
-UNITS = {"time": "s", "at": "s", "every": "s", "repeat": "m", "visibility": "m", "mor": "m"}
+# Units of numbers, by what the help text calls the value.
+UNITS = {"DURATION": "s", "TIME": "s", "LENGTH": "m"}
 
 
 class Words(list):
@@ -39,7 +37,7 @@ def words(settings, call):
             reason = _native.reason_of_missing(keyword.replace("_", "-"))
             hint = f": {reason}" if reason else hint
             raise TypeError(f"{call}() has no setting '{keyword}'{hint}")
-        flag, form, bare, _ = FLAGS[keyword]
+        flag, form, bare, *_ = FLAGS[keyword]
         if keyword == "density_grid" and isinstance(value, np.ndarray):
             pairs.files.append(grid_file(value))
             value = pairs.files[-1].path
@@ -65,18 +63,19 @@ def _is_list(value):
 
 def word(keyword, value):
     """One value as the command line takes it."""
+    *_, kind, _ = FLAGS.get(keyword, ("", ""))
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if _is_list(value):
-        if keyword in RANGES and len(value) == 2:
+        if kind == "A..B" and len(value) == 2:
             return f"{_metres(value[0])}..{_metres(value[1])}"
-        if keyword == "gates" and len(value) == 3:
+        if kind == "A..B/N" and len(value) == 3:
             return f"{_metres(value[0])}..{_metres(value[1])}/{_number(value[2])}"
-        return ("x" if keyword == "resolution" else ",").join(word("", one) for one in value)
+        return ("x" if kind == "WxH" else ",").join(word("", one) for one in value)
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, numbers.Real):
-        return _number(value) + UNITS.get(keyword, "")
+        return _number(value) + UNITS.get(kind, "")
     if isinstance(value, (str, os.PathLike)):
         return os.fspath(value)
     raise SettingsError(f"{keyword} is a {type(value).__name__}, but must be text, a number or a list of them")
@@ -99,4 +98,4 @@ def _number(value):
 
 def settings() -> dict[str, str]:
     """All settings of a render: a dictionary from keyword to help text. The same names with dashes are the flags of the program."""
-    return {keyword: " ".join(about[3].split()) for keyword, about in FLAGS.items()}
+    return {keyword: " ".join(about[-1].split()) for keyword, about in FLAGS.items()}

@@ -7,55 +7,8 @@ use clap::error::Error;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
-
-/// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 41] = [
-    "camera",
-    "look-from",
-    "look-at",
-    "up",
-    "fov",
-    "ortho",
-    "principal-point",
-    "resolution",
-    "crop",
-    "emitters",
-    "headlamp",
-    "headlamp-offset",
-    "lamp",
-    "sky",
-    "sky-scale",
-    "sigma-s",
-    "sigma-a",
-    "visibility",
-    "mor",
-    "albedo",
-    "phase",
-    "phase-g",
-    "phase-g2",
-    "phase-weight",
-    "phase-alpha",
-    "droplet-diameter",
-    "medium-ior",
-    "medium-group-ior",
-    "density-grid",
-    "grid-filter",
-    "grid-transform",
-    "medium-bounds",
-    "no-medium",
-    "double-sided",
-    "thin-glass",
-    "allow-path",
-    "at",
-    "animation",
-    "max-depth",
-    "light-paths",
-    "device",
-];
-
-/// Settings that `taugate view` does not have, beside those under the heading Output.
-const NOT_VIEWED: [&str; 3] = ["crop", "gate-keys", "strict"];
+use taugate::internals::settings::setting::{Form, Setting, Taker, Value, Visitor};
+use taugate::internals::settings::table::find;
 
 /// A command with flags for settings.
 pub trait Flagged {
@@ -77,14 +30,13 @@ impl Flagged for Render {
 
 impl Flagged for Info {
     fn has(setting: &Setting) -> bool {
-        INFO_SETTINGS.contains(&setting.name)
+        setting.is_for(Taker::Info)
     }
 }
 
 impl Flagged for View {
     fn has(setting: &Setting) -> bool {
-        setting.name == "tev"
-            || (!["Output", "Long renders"].contains(&setting.heading) && !NOT_VIEWED.contains(&setting.name))
+        setting.is_for(Taker::View)
     }
 }
 
@@ -148,8 +100,9 @@ impl Visitor for FlagList {
         if let Some(letter) = setting.short {
             arg = arg.short(letter);
         }
-        arg = arg.conflicts_with_all(setting.excludes);
-        self.args.push(arg);
+        // Clap refuses conflicts with flags that the command does not have.
+        let excludes = setting.excludes.iter().filter(|other| find(other).is_some_and(self.has));
+        self.args.push(arg.conflicts_with_all(excludes));
     }
 }
 

@@ -6,8 +6,8 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::image::{npy_file, png_file};
 use taugate::internals::input::resolve::Outputs;
+use taugate::internals::settings::GatePictures;
 use taugate::internals::settings::exposure::Exposure;
-use taugate::internals::settings::gate_pictures::GatePictures;
 
 use super::rescue::Rescue;
 use super::sheet::{Linear, sheet};

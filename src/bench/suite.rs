@@ -19,7 +19,7 @@ use crate::generate::Kind;
 use crate::input::experiment::{Experiment, position};
 use crate::input::light_table::LightTable;
 use crate::input::medium_tables::MediumTables;
-use crate::input::plain::plain;
+use crate::input::plain::from_toml;
 use crate::settings::Emitters;
 use crate::settings::keys::Dashed;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
@@ -169,10 +169,7 @@ impl Suite {
 
     /// Like [`Suite::read`], for a file at `path` with this text.
     pub fn parse(path: &Path, text: String) -> Result<Suite> {
-        let file: File = toml::from_str(&text).map_err(|e| {
-            let span = e.span().unwrap_or(0..0);
-            located(path, &text, &span, &plain(e.message(), &text, span.start, |_| None))
-        })?;
+        let file: File = from_toml(&text, |_| None).map_err(|(span, message)| located(path, &text, &span, &message))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let parts = parts(file, folder).map_err(|(span, message)| located(path, &text, &span, &message))?;
         let (about, seconds, repetitions, errors, scenes, variants) = parts;

@@ -1,35 +1,38 @@
 //! Edits the finished SPIR-V, for two features that WGSL and naga do not have: NoContraction and texel buffers.
 
+use spirv::{Capability, Decoration, Dim, Op};
+
 /// Words before the first instruction.
 const HEADER: usize = 5;
 
-/// Iterates over all instructions as (opcode, words). The words include the first one, which holds length and opcode.
-fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
+/// Iterates over all instructions as (operation, words). The words include the first one, which holds length and opcode. An unknown operation is
+/// a `Nop`.
+fn instructions(words: &[u32]) -> impl Iterator<Item = (Op, &[u32])> {
     let mut at = HEADER;
     std::iter::from_fn(move || {
         let first = *words.get(at)?;
         let length = ((first >> 16) as usize).max(1);
         let instruction = &words[at..(at + length).min(words.len())];
         at += length;
-        Some((first & 0xffff, instruction))
+        Some((Op::from_u32(first & 0xffff).unwrap_or(Op::Nop), instruction))
     })
 }
 
 /// Decorates every float operation with NoContraction, which naga does not emit. Without the decoration, a driver may use a fused
 /// multiply-add for one of two triangles that share an edge, and rays could pass between them.
 pub fn forbid_contraction(words: &[u32]) -> Vec<u32> {
-    const DECORATE: u32 = 71;
-    const NO_CONTRACTION: u32 = 42;
-    // FAdd, FSub, FMul, FDiv, VectorTimesScalar, VectorTimesMatrix, MatrixTimesVector, Dot.
-    const FLOAT_OPERATIONS: [u32; 8] = [129, 131, 133, 136, 142, 144, 145, 148];
-    const TYPES: std::ops::RangeInclusive<u32> = 19..=39;
+    use Op::{Dot, FAdd, FDiv, FMul, FSub, MatrixTimesVector, VectorTimesMatrix, VectorTimesScalar};
+    const FLOAT_OPERATIONS: [Op; 8] =
+        [FAdd, FSub, FMul, FDiv, VectorTimesScalar, VectorTimesMatrix, MatrixTimesVector, Dot];
+    const TYPES: std::ops::RangeInclusive<u32> = Op::TypeVoid as u32..=Op::TypeForwardPointer as u32;
     let float_operations = || instructions(words).filter(|(operation, _)| FLOAT_OPERATIONS.contains(operation));
+    let decoration = |f: &[u32]| [(3 << 16) | Op::Decorate as u32, f[2], Decoration::NoContraction as u32];
     let mut out = words[..HEADER].to_vec();
     let mut decorated = false;
     for (operation, instruction) in instructions(words) {
         // In SPIR-V all decorations come before the first type.
-        if !decorated && TYPES.contains(&operation) {
-            out.extend(float_operations().flat_map(|(_, f)| [(3 << 16) | DECORATE, f[2], NO_CONTRACTION]));
+        if !decorated && TYPES.contains(&(operation as u32)) {
+            out.extend(float_operations().flat_map(|(_, f)| decoration(f)));
             decorated = true;
         }
         out.extend_from_slice(instruction);
@@ -41,15 +44,6 @@ pub fn forbid_contraction(words: &[u32]) -> Vec<u32> {
 /// array of 16-byte texels in an ordinary buffer. The reason is speed: for each thread, lavapipe fetches a texel with one 128-bit
 /// load and no branch. From a storage buffer, each word costs a branch, a bounds check and an insertion into the vector.
 pub fn texel_buffers(words: &[u32]) -> Vec<u32> {
-    const CAPABILITY: u32 = 17;
-    const SAMPLED_1D: u32 = 43;
-    const SAMPLED_BUFFER: u32 = 46;
-    const TYPE_IMAGE: u32 = 25;
-    const DIM_1D: u32 = 0;
-    const DIM_BUFFER: u32 = 5;
-    const IMAGE_FETCH: u32 = 95;
-    const IMAGE_QUERY_SIZE_LOD: u32 = 103;
-    const IMAGE_QUERY_SIZE: u32 = 104;
     // Instruction, result type, result, image, coordinate; image operands (the level) follow.
     const FETCH_WITHOUT_LEVEL: usize = 5;
     // Instruction, result type, result, image; the level follows.
@@ -57,19 +51,21 @@ pub fn texel_buffers(words: &[u32]) -> Vec<u32> {
     let mut out = words[..HEADER].to_vec();
     for (operation, instruction) in instructions(words) {
         match operation {
-            CAPABILITY if instruction[1] == SAMPLED_1D => out.extend([instruction[0], SAMPLED_BUFFER]),
-            TYPE_IMAGE if instruction[3] == DIM_1D => {
+            Op::Capability if instruction[1] == Capability::Sampled1D as u32 => {
+                out.extend([instruction[0], Capability::SampledBuffer as u32]);
+            }
+            Op::TypeImage if instruction[3] == Dim::Dim1D as u32 => {
                 out.extend_from_slice(&instruction[..3]);
-                out.push(DIM_BUFFER);
+                out.push(Dim::DimBuffer as u32);
                 out.extend_from_slice(&instruction[4..]);
             }
             // Kernels have no other images, so every fetch and every size query is of a texel buffer.
-            IMAGE_FETCH => {
-                out.push(((FETCH_WITHOUT_LEVEL as u32) << 16) | IMAGE_FETCH);
+            Op::ImageFetch => {
+                out.push(((FETCH_WITHOUT_LEVEL as u32) << 16) | Op::ImageFetch as u32);
                 out.extend_from_slice(&instruction[1..FETCH_WITHOUT_LEVEL]);
             }
-            IMAGE_QUERY_SIZE_LOD => {
-                out.push(((QUERY_WITHOUT_LEVEL as u32) << 16) | IMAGE_QUERY_SIZE);
+            Op::ImageQuerySizeLod => {
+                out.push(((QUERY_WITHOUT_LEVEL as u32) << 16) | Op::ImageQuerySize as u32);
                 out.extend_from_slice(&instruction[1..QUERY_WITHOUT_LEVEL]);
             }
             _ => out.extend_from_slice(instruction),

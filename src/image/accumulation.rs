@@ -21,6 +21,7 @@ use crate::image::fingerprint;
 use crate::image::layers::Layers;
 use crate::image::response_film::ResponseFilm;
 use crate::settings::shard::Shard;
+use crate::settings::table::find;
 use crate::settings::{Responses, Settings};
 
 pub use iterations::Iterations;
@@ -231,8 +232,6 @@ fn tables(responses: &Responses) -> BTreeMap<String, String> {
     responses.iter().filter_map(|response| Some((response.name().into(), fingerprint(response.rows()?)))).collect()
 }
 
-/// Settings on which no image depends: they only say where a render runs, where its files are, or what it refuses.
-const WITHOUT_EFFECT: [&str; 5] = ["scene", "input.allow-path", "gate.force", "render.device", "render.strict"];
 /// Settings that only say when a render ends. The sums may be parts of one render, but the images differ.
 const BUDGET: [&str; 2] = ["render.spp", "render.time"];
 
@@ -258,7 +257,11 @@ fn differences((name_a, a): (&str, WithPaths), (name_b, b): (&str, WithPaths), i
         }
         settings
     });
-    let counts = |name: &str| !WITHOUT_EFFECT.contains(&name) && !ignored.contains(&name);
+    let affects_image = |name: &str| {
+        let key = name.rsplit('.').next().unwrap_or(name);
+        name != "scene" && find(key).is_none_or(|setting| setting.affects_image)
+    };
+    let counts = |name: &str| affects_image(name) && !ignored.contains(&name);
     let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
     let show = |value: Option<&String>| value.map_or("is not set".into(), |value| format!("is {value}"));
     names
@@ -273,6 +276,7 @@ fn collect(name: &str, value: toml::Value, files: &[&str], settings: &mut BTreeM
     match value {
         toml::Value::Table(table) => {
             for (key, value) in table {
+                let key = current_key(key);
                 let name = if name.is_empty() { key } else { format!("{name}.{key}") };
                 collect(&name, value, files, settings);
             }
@@ -283,15 +287,20 @@ fn collect(name: &str, value: toml::Value, files: &[&str], settings: &mut BTreeM
     }
 }
 
+/// The present name of a key that may be an old one.
+fn current_key(key: String) -> String {
+    find(&key).map_or(key, |setting| setting.name.into())
+}
+
 fn without_paths(value: toml::Value, files: &[&str]) -> toml::Value {
     match value {
         toml::Value::String(text) => files.iter().fold(text, |text, path| text.replace(path, "FILE")).into(),
         toml::Value::Array(list) => {
             toml::Value::Array(list.into_iter().map(|value| without_paths(value, files)).collect())
         }
-        toml::Value::Table(table) => {
-            toml::Value::Table(table.into_iter().map(|(key, value)| (key, without_paths(value, files))).collect())
-        }
+        toml::Value::Table(table) => toml::Value::Table(
+            table.into_iter().map(|(key, value)| (current_key(key), without_paths(value, files))).collect(),
+        ),
         other => other,
     }
 }

@@ -1,4 +1,4 @@
-//! The experiment file: the scene and the settings of a render, as TOML. Every key may have the name of its flag.
+//! The experiment file: the scene and the settings of a render, as TOML. Every key has the name of its flag; some have an old name, too.
 //!
 //! The same structure also holds the flags of the command line. [`Experiment::over`] merges flags and file. The resolved settings
 //! of a render can be printed as an experiment file, which renders the same image again.
@@ -16,7 +16,7 @@ use crate::input::light_table::LightTable;
 use crate::input::medium_tables::MediumTables;
 use crate::input::response_table::ResponseTable;
 use crate::input::scan_table::ScanTable;
-use crate::settings::setting::{Setting, Value, Visitor};
+use crate::settings::setting::{Given, Setting, Value, Visitor};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
 
 pub use text::ParseError;
@@ -69,6 +69,7 @@ impl Experiment {
 
         experiment.scene.take_if(|name| name.as_os_str().is_empty());
         experiment.visit(&mut WithoutEmptyNames);
+        experiment.medium.list.iter_mut().for_each(|table| table.visit(&mut WithoutEmptyNames));
         experiment.take_paths_from(path.parent().unwrap_or(Path::new("")));
         Ok(experiment)
     }
@@ -82,7 +83,7 @@ impl Experiment {
         joined.expect("joining does not fail");
     }
 
-    /// Calls `visitor` with every setting of every table.
+    /// Calls `visitor` with every setting that has a flag. Those of the list `[[medium]]` have none.
     pub fn visit(&mut self, visitor: &mut impl Visitor) {
         let Experiment {
             scene: _,
@@ -100,10 +101,17 @@ impl Experiment {
         camera.visit(visitor);
         emitter.visit(visitor);
         input.visit(visitor);
-        medium.visit(visitor);
+        medium.one.visit(visitor);
         gate.visit(visitor);
         render.visit(visitor);
         output.visit(visitor);
+    }
+
+    /// The settings with a flag that the user gave, in the order of the tables.
+    pub(crate) fn given(&self) -> Vec<&'static Setting> {
+        let mut given = Given::default();
+        self.clone().visit(&mut given);
+        given.0
     }
 
     /// Calls `look` with every path, up to the first error.
@@ -121,6 +129,7 @@ impl Experiment {
         self.scene.as_mut().map_or(Ok(()), &mut look)?;
         let mut paths = Paths(look, Ok(()));
         self.visit(&mut paths);
+        self.medium.list.iter_mut().for_each(|table| table.visit(&mut paths));
         paths.1
     }
 

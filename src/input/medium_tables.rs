@@ -4,8 +4,8 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::settings::phase::Phase;
-use crate::settings::setting;
+use crate::settings::phase::PARAMETERS;
+use crate::settings::setting::LeaveOut;
 use crate::settings::table::MediumTable;
 
 /// The media as the user wrote them.
@@ -18,55 +18,31 @@ pub struct MediumTables {
 }
 
 impl MediumTables {
-    /// Merges the media of two experiments. `--no-medium` also removes the medium or the list of the file. Settings that exclude each
-    /// other replace each other.
-    pub fn over(self, mut below: MediumTables) -> MediumTables {
-        let (above, beneath) = (&self.one, &mut below.one);
-        let removes = above.no_medium == Some(true);
-        if removes {
-            *beneath = MediumTable::default();
+    /// Prepares `below` for these media, which replace it in part: `--no-medium` removes all media, and a phase function removes the
+    /// parameters that it does not have.
+    pub fn replace_in(&self, below: &mut MediumTables) {
+        if self.one.no_medium == Some(true) {
+            *below = MediumTables::default();
         }
-        if *above != MediumTable::default() {
-            beneath.no_medium = None;
+        if self.one != MediumTable::default() {
+            below.one.no_medium = None;
         }
-        if above.visibility.is_some() || above.mor.is_some() {
-            (beneath.sigma_s, beneath.sigma_a) = (None, None);
-            (beneath.visibility, beneath.mor) = (None, None);
+        let has_droplets = |table: &MediumTable| table.droplet_diameter.is_some();
+        if has_droplets(&self.one) {
+            below.one.phase = None;
         }
-        if above.sigma_s.is_some() || above.sigma_a.is_some() {
-            (beneath.visibility, beneath.mor, beneath.albedo) = (None, None, None);
+        if let Some(phase) = &self.one.phase {
+            let used = phase.parameters(has_droplets(&self.one) || has_droplets(&below.one));
+            let unused: Vec<&str> = PARAMETERS.into_iter().filter(|name| !used.contains(name)).collect();
+            below.one.visit(&mut LeaveOut(&unused));
         }
-        leave_phase_to(beneath, above);
-        let list = if removes || !self.list.is_empty() { self.list } else { below.list };
+    }
+
+    /// Merges two: the settings of `self`, and those of `below` that `self` does not give. A list counts as one setting.
+    pub fn over(self, below: MediumTables) -> MediumTables {
+        let list = if self.list.is_empty() { below.list } else { self.list };
         MediumTables { one: self.one.over(below.one), list }
     }
-
-    /// Calls `visitor` with every setting of every table.
-    pub fn visit(&mut self, visitor: &mut impl setting::Visitor) {
-        self.one.visit(visitor);
-        self.list.iter_mut().for_each(|table| table.visit(visitor));
-    }
-}
-
-/// Removes from `beneath` the phase function that `above` replaces, and parameters that the phase function of `above` does not have.
-fn leave_phase_to(beneath: &mut MediumTable, above: &MediumTable) {
-    let parameters = [above.g.is_some(), above.g2.is_some(), above.weight.is_some(), above.alpha.is_some()];
-    if parameters.contains(&true) {
-        beneath.droplet_diameter = None;
-    }
-    let phase = match (&above.phase, above.droplet_diameter) {
-        (Some(phase), _) => phase.clone(),
-        (None, Some(_)) => Phase::Draine,
-        (None, None) => return,
-    };
-    beneath.phase = None;
-    let used = phase.parameters(above.droplet_diameter.or(beneath.droplet_diameter).is_some());
-    let is_unused = |flag: &str| !used.contains(&flag);
-    beneath.g.take_if(|_| is_unused("--phase-g"));
-    beneath.g2.take_if(|_| is_unused("--phase-g2"));
-    beneath.weight.take_if(|_| is_unused("--phase-weight"));
-    beneath.alpha.take_if(|_| is_unused("--phase-alpha"));
-    beneath.droplet_diameter.take_if(|_| is_unused("--droplet-diameter"));
 }
 
 impl Serialize for MediumTables {

@@ -8,7 +8,8 @@ use serde_json::Value as Json;
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::settings::missing;
-use crate::settings::setting::{Form, Setting, Value, Visitor};
+use crate::settings::setting::{Form, LeaveOut, Setting, Value, Visitor};
+use crate::settings::table::excluding;
 
 /// Sets the setting `name` to `text`, read as on the command line, and removes all settings that exclude it. `None` only removes
 /// the setting itself. Fails without any change if there is no such setting, or if the text is not a valid value.
@@ -21,35 +22,24 @@ pub fn set(experiment: &mut Experiment, name: &str, text: Option<&str>) -> Resul
         Err(Error::Settings(format!("there is no setting --{name}{reason}")))
     })?;
     if text.is_some() {
-        changed.visit(&mut LeaveOut(&excluding(name)));
+        changed.visit(&mut LeaveOut(&excluding(name).collect::<Vec<_>>()));
     }
     *experiment = changed;
     Ok(())
-}
-
-/// Names of the settings that cannot be given together with the setting `name`.
-pub fn excluding(name: &str) -> Vec<&'static str> {
-    let mut excluding = Excluding { name, found: vec![] };
-    Experiment::default().visit(&mut excluding);
-    excluding.found
 }
 
 /// The flags for the settings of `experiment`, as words of a command line. Numbers have all digits that are needed to read the
 /// same numbers back. The scene and the tables `[[light]]`, `[[medium]]` and `[scan]` are left out, see [`has_tables`].
 pub fn as_words(experiment: &Experiment) -> Vec<String> {
     let mut words = Words(vec![]);
-    let mut experiment = experiment.clone();
-    experiment.medium.list.clear();
-    experiment.visit(&mut words);
+    experiment.clone().visit(&mut words);
     words.0
 }
 
 /// The settings of `experiment` by the names of their flags, as text. Parts of a list have commas between them.
 pub fn as_texts(experiment: &Experiment) -> BTreeMap<&'static str, String> {
     let mut texts = Texts(BTreeMap::new());
-    let mut experiment = experiment.clone();
-    experiment.medium.list.clear();
-    experiment.visit(&mut texts);
+    experiment.clone().visit(&mut texts);
     texts.0
 }
 
@@ -66,8 +56,7 @@ struct Set<'a> {
 
 impl Visitor for Set<'_> {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        // Tables of a list `[[medium]]` have the same names as the flags, which come first.
-        if setting.name != self.name || self.found.is_some() {
+        if setting.name != self.name {
             return;
         }
         let value = match (self.text, setting.form) {
@@ -89,31 +78,6 @@ impl Visitor for Set<'_> {
 fn parse_all<'a, T: Value>(words: impl Iterator<Item = &'a str>) -> std::result::Result<Option<T>, String> {
     let values: Vec<T> = words.map(|word| T::parse(OsStr::new(word))).collect::<std::result::Result<_, _>>()?;
     Ok(values.into_iter().reduce(T::and))
-}
-
-struct LeaveOut<'a>(&'a [&'static str]);
-
-impl Visitor for LeaveOut<'_> {
-    fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        if self.0.contains(&setting.name) {
-            *slot = None;
-        }
-    }
-}
-
-struct Excluding<'a> {
-    name: &'a str,
-    found: Vec<&'static str>,
-}
-
-impl Visitor for Excluding<'_> {
-    fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
-        if setting.name == self.name {
-            self.found.extend(setting.excludes);
-        } else if setting.excludes.contains(&self.name) {
-            self.found.push(setting.name);
-        }
-    }
 }
 
 struct Texts(BTreeMap<&'static str, String>);
@@ -191,7 +155,7 @@ mod tests {
             "camera = { camera = 'the front', crop = [0, 10, 0, 20], ortho = 2.5 }",
             "emitter = { emitters = ['lamp'], headlamp = 12.5, headlamp-offset = [-0.1, 0, 0], sky = [0.1, 0.2, 0.3] }",
             "emitter = { lamp = [[-1, 2, 3, 4]] }",
-            "medium = { sigma-s = [0.1, 0.2, 0.3], sigma-a = 0.01, g = -0.5, bounds = [[0, 0, 0], [1, 1, 1]], no-medium = true }",
+            "medium = { sigma-s = [0.1, 0.2, 0.3], sigma-a = 0.01, phase-g = -0.5, medium-bounds = [[0, 0, 0], [1, 1, 1]], no-medium = true }",
             "medium = { visibility = '60m', albedo = 0.9 }",
             "render = { estimator = 'lcs', spp = 7, single-tree = false, no-cull = true, importance = 'centre,gloss' }",
             "render = { time = '1.5s', sampling = 'uniform', seed = 4000000000 }",

@@ -1,78 +1,74 @@
 //! Says in plain words what is wrong with a TOML file. The messages of serde name types of Rust, and omit the key and the table.
 
-use super::experiment::Experiment;
+use std::ops::Range;
+
+use serde::de::DeserializeOwned;
+use serde_path_to_error::{Path, Segment};
+
 use super::scan_table;
 use crate::settings::missing;
-use crate::settings::setting::{Setting, Value, Visitor};
+use crate::settings::table::find;
 
-/// Rewrites a message of the TOML parser about byte `at` of `text`. The result names the table, the key and the remedy. Messages
-/// that are already plain stay as they are. `home` returns the table to which a key belongs, see [`home_of`].
-pub fn plain(message: &str, text: &str, at: usize, home: impl Fn(&str) -> Option<Home>) -> String {
-    let message = message.replace('\n', ", ");
-    Place::new(text, at).explain(&message, home).unwrap_or(message)
+/// Reads TOML. The error has the bytes of `text` where the mistake is, and a message that names the table, the key and the remedy.
+/// `home` returns the table to which a key belongs, see [`home_of`].
+pub fn from_toml<T: DeserializeOwned>(
+    text: &str,
+    home: impl Fn(&str) -> Option<Home>,
+) -> Result<T, (Range<usize>, String)> {
+    let fail = |error: &toml::de::Error, place: Place| {
+        let message = error.message().replace('\n', ", ");
+        (error.span().unwrap_or(0..0), place.explain(&message, &home).unwrap_or(message))
+    };
+    let deserializer = toml::Deserializer::parse(text).map_err(|e| fail(&e, Place::default()))?;
+    serde_path_to_error::deserialize(deserializer).map_err(|e| fail(e.inner(), Place::new(e.path())))
 }
 
-/// Where a mistake is.
-#[derive(Debug, Default, PartialEq, Eq)]
-struct Place {
-    /// The table as the user writes it, such as `[render]` or `[[light]]`; empty outside tables.
-    table: String,
-    /// The key whose value is wrong; `None` if the mistake is not a value, or is an element of a list.
-    key: Option<String>,
-}
+/// Where a mistake is: the names of the outer tables, of the table and of the key, and which of them are lists. If the mistake is
+/// not in a value, the last one may be the table.
+#[derive(Default)]
+struct Place(Vec<(String, bool)>);
 
 impl Place {
-    fn new(text: &str, at: usize) -> Place {
-        let before = text.get(..at).unwrap_or(text);
-        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-        let line_end = text[line_start..].find('\n').map_or(text.len(), |length| line_start + length);
-        let line = before[line_start..].trim_end();
-        if is_header(line) {
-            // The mistake is a name in the header `[outer.inner]`.
-            let outer = line.trim_start_matches('[').rsplit_once('.').map(|(outer, _)| format!("[{outer}]"));
-            return Place { table: outer.unwrap_or_default(), key: None };
+    fn new(path: &Path) -> Place {
+        let mut names: Vec<(String, bool)> = vec![];
+        for segment in path {
+            match (segment, names.last_mut()) {
+                // Names with `$` are of serde's own tables, which hold a value and its place.
+                (Segment::Map { key }, _) if !key.starts_with('$') => names.push((key.clone(), false)),
+                (Segment::Seq { .. }, Some((_, is_list))) => *is_list = true,
+                _ => {}
+            }
         }
-        // The parser reports a mistake in a whole table at the start of its header. So the line at `at` may itself be the header.
-        let header = text[..line_end].lines().rev().map(str::trim).find(|line| is_header(line));
-        let mut table = header
-            .map_or(String::new(), |line| line.split_inclusive(']').take_while(|part| part.ends_with(']')).collect());
-        let key = line.strip_suffix('=').map(last_word);
-        let dotted = key
-            .as_deref()
-            .and_then(|key| key.rsplit_once('.'))
-            .map(|(table, key)| (table.to_string(), key.to_string()));
-        // A table may also be written as part of the key, `render.spp = 4`, or in braces, `render = { spp = 4 }`.
-        if let Some((of_key, key)) = dotted {
-            return Place { table: format!("[{of_key}]"), key: Some(key) };
-        }
-        if let Some((outer, _)) = line.rsplit_once('{').filter(|(_, inner)| !inner.contains('}')) {
-            table = outer.trim_end().strip_suffix('=').map_or(table, |outer| format!("[{}]", last_word(outer)));
-        }
-        Place { table, key }
+        Place(names)
     }
 
     fn explain(&self, message: &str, home: impl Fn(&str) -> Option<Home>) -> Option<String> {
-        let table = if self.table.is_empty() { "the file" } else { &self.table };
+        let table = table(&self.0);
         if let Some((key, names)) = quoted(message, "unknown field ") {
-            let home = home(key).filter(|home| format!("[{}]", home.table) != self.table);
+            let table = match self.0.split_last() {
+                Some(((last, _), outer)) if last.replace('_', "-") == key => self::table(outer),
+                _ => table,
+            };
+            let home = home(key).filter(|(home, _)| format!("[{home}]") != table);
             return Some(match (home, missing::reason(key)) {
-                (Some(Home { table: home, key: name }), _) if name == key => {
-                    format!("{table} has no key {key}: it belongs to [{home}]")
+                (Some(("", _)), _) => {
+                    format!("{table} has no key {key}: it belongs at the top of the file, before all tables")
                 }
-                (Some(Home { table: home, key: name }), _) => {
-                    format!("{table} has no key {key}: it belongs to [{home}], as {name}")
-                }
+                (Some((home, name)), _) if name == key => format!("{table} has no key {key}: it belongs to [{home}]"),
+                (Some((home, name)), _) => format!("{table} has no key {key}: it belongs to [{home}], as {name}"),
                 (None, Some(reason)) => format!("{table} has no key {key}: {reason}"),
                 (None, None) => format!("{table} has no key {key}: choose one of {}", list(names)),
             });
         }
         if let Some((key, _)) = quoted(message, "duplicate field ") {
-            return Some(format!("{table} has the key {key} twice: remove one"));
+            let old = find(key).and_then(|setting| setting.old_key);
+            let names = old.map_or(String::new(), |old| format!(" ({old} is an old name of it)"));
+            return Some(format!("{table} has the key {key} twice{names}: remove one"));
         }
         if let Some((key, _)) = quoted(message, "missing field ") {
             return Some(format!("{table} needs the key {key}"));
         }
-        let key = self.key.as_deref()?;
+        let ((key, _), outer) = self.0.split_last().filter(|((_, is_list), _)| !is_list)?;
         if let Some((word, names)) = quoted(message, "unknown variant ") {
             return Some(format!("{key} cannot be \"{word}\": choose one of {}", list(names)));
         }
@@ -81,19 +77,34 @@ impl Place {
         }
         let wrong = message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))?;
         let (found, wanted) = wrong.split_once(", expected ")?;
-        Some(format!("{key} is {}, but must be {}", found_value(found), wanted_value(wanted, key)))
+        Some(format!("{key} is {}, but must be {}", found_value(found), wanted_value(wanted, key, outer.is_empty())))
     }
 }
 
-fn is_header(line: &str) -> bool {
-    line.starts_with('[') && !line.contains('=')
+/// The table as the user writes it, such as `[render]` or `[[light]]`.
+fn table(names: &[(String, bool)]) -> String {
+    let joined = names.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(".");
+    match names.last() {
+        None => "the file".into(),
+        Some((_, true)) => format!("[[{joined}]]"),
+        Some((_, false)) => format!("[{joined}]"),
+    }
 }
 
-/// The last word of a line, with its dots.
-fn last_word(line: &str) -> String {
-    let line = line.trim_end();
-    let start = line.rfind(|c: char| !(c.is_alphanumeric() || "-_.".contains(c))).map_or(0, |at| at + 1);
-    line.get(start..).unwrap_or(line).to_string()
+/// What a value must be. `is_outermost`: the key is outside of all tables.
+fn wanted_value(wanted: &str, key: &str, is_outermost: bool) -> String {
+    match wanted {
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
+        "f32" | "f64" => "a number".into(),
+        "a boolean" => "true or false".into(),
+        "a string" | "path string" => "text in quotation marks".into(),
+        "a sequence" if is_outermost => format!("a list: write [[{key}]] on a line and its keys below"),
+        "a sequence" => "a list".into(),
+        _ if wanted.starts_with("struct") || wanted == "a map" => {
+            format!("a table: write [{key}] on a line and its keys below")
+        }
+        _ => wanted.into(),
+    }
 }
 
 /// The name in backquotes after `prefix`, and the rest of the message.
@@ -118,85 +129,23 @@ fn found_value(found: &str) -> String {
     }
 }
 
-fn wanted_value(wanted: &str, key: &str) -> String {
-    match wanted {
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
-        "f32" | "f64" => "a number".into(),
-        "a boolean" => "true or false".into(),
-        "a string" | "path string" => "text in quotation marks".into(),
-        "a sequence" => "a list".into(),
-        _ if wanted.starts_with("struct") || wanted == "a map" => {
-            format!("a table: write [{key}] on a line and its keys below")
-        }
-        _ => wanted.into(),
-    }
-}
+/// The table of an experiment file that has a key, and the present name of the key. The table is empty for the key of the scene.
+pub type Home = (&'static str, &'static str);
 
-/// The place of a key in an experiment file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Home {
-    /// Name of the table.
-    pub table: &'static str,
-    /// The key, which may be shorter than the name of its flag.
-    pub key: String,
-}
-
-/// Where the key or the flag `name` belongs in an experiment file; `None` if no table has it.
+/// Where the key or the flag `name` belongs in an experiment file, and its present name; `None` if no table has it.
 pub fn home_of(name: &str) -> Option<Home> {
-    /// Looks for a flag, or else for a key.
-    struct Find<'a> {
-        name: &'a str,
-        key: Option<String>,
+    if name == "scene" {
+        return Some(("", "scene"));
     }
-    impl Visitor for Find<'_> {
-        fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
-            if setting.name == self.name || setting.key() == self.name {
-                self.key = Some(setting.key());
-            }
-        }
-    }
-    type Visit = fn(&mut Experiment, &mut Find);
-    let tables: [(&str, Visit); 7] = [
-        ("camera", |experiment, find| experiment.camera.visit(find)),
-        ("emitter", |experiment, find| experiment.emitter.visit(find)),
-        ("input", |experiment, find| experiment.input.visit(find)),
-        ("medium", |experiment, find| experiment.medium.visit(find)),
-        ("gate", |experiment, find| experiment.gate.visit(find)),
-        ("render", |experiment, find| experiment.render.visit(find)),
-        ("output", |experiment, find| experiment.output.visit(find)),
-    ];
-    let (mut experiment, mut find) = (Experiment::default(), Find { name, key: None });
-    let home = tables.into_iter().find_map(|(table, visit)| {
-        visit(&mut experiment, &mut find);
-        find.key.take().map(|key| Home { table, key })
-    });
-    let of_scan = || scan_table::KEYS.contains(&name).then(|| Home { table: "scan", key: name.into() });
-    home.or_else(of_scan)
+    let key_of_scan = || scan_table::KEYS.into_iter().find(|key| *key == name).map(|key| ("scan", key));
+    find(name).map(|setting| (setting.table, setting.name)).or_else(key_of_scan)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_mistake_has_a_table_and_a_key() {
-        let place = |text: &str| {
-            let at = text.find('!').unwrap();
-            let Place { table, key } = Place::new(&text.replace('!', ""), at);
-            (table, key.unwrap_or_default())
-        };
-        let of = |table: &str, key: &str| (table.to_string(), key.to_string());
-        assert_eq!(place("scene = !3"), of("", "scene"));
-        assert_eq!(place("![render]\nspp = 3"), of("[render]", ""));
-        assert_eq!(place("[gate]\n[[light]] # a lamp\n  inner-angle =!3\n"), of("[[light]]", "inner-angle"));
-        assert_eq!(place("[render]\nspp = 3\n!x = 4"), of("[render]", ""));
-        assert_eq!(place("[gate]\n[[!lamp]]\n"), of("", ""));
-        assert_eq!(place("[variant.!rendr]\n"), of("[variant]", ""));
-        assert_eq!(place("render.spp = !'x'"), of("[render]", "spp"));
-        assert_eq!(place("camera = { fov = 3, up = !4 }"), of("[camera]", "up"));
-        assert_eq!(place("[camera]\nup = [1,\n2, !'x']"), of("[camera]", ""));
-        assert_eq!(Place::new("a", 99), Place::default());
-    }
+    use crate::input::experiment::Experiment;
+    use crate::settings::table;
 
     /// Files with typical mistakes, and a part of the message about each.
     #[test]
@@ -205,19 +154,22 @@ mod tests {
             ("spp = 4", "the file has no key spp: it belongs to [render]"),
             ("[output]\nspp = 4", "[output] has no key spp: it belongs to [render]"),
             ("[render]\nsigma-s = 0.1", "[render] has no key sigma-s: it belongs to [medium]"),
+            ("[gate]\nmedium_group_ior = 1.36", "[gate] has no key medium-group-ior: it belongs to [medium]"),
             (
-                "[gate]\nmedium_group_ior = 1.36",
-                "[gate] has no key medium-group-ior: it belongs to [medium], as group-ior",
+                "[render]\ngroup-ior = 1.36",
+                "[render] has no key group-ior: it belongs to [medium], as medium-group-ior",
             ),
-            ("[render]\ngroup-ior = 1.36", "[render] has no key group-ior: it belongs to [medium]"),
-            ("[medium]\ng = 0.8\nphase-g = 0.8", "[medium] has the key g twice: remove one"),
+            (
+                "[medium]\ng = 0.8\nphase-g = 0.8",
+                "[medium] has the key phase-g twice (g is an old name of it): remove one",
+            ),
             ("[camera]\nf_number = 2.8", "[camera] has no key f-number: cameras are pinholes or orthographic"),
             ("[camera]\nlaser = [1, 2, 3]", "[camera] has no key laser: it belongs to [scan]"),
             ("pixel-fov = 3", "the file has no key pixel-fov: it belongs to [scan]"),
             ("[camera]\npower = 3", "[camera] has no key power: choose one of camera"),
             (
                 "[gate]\ngte = 4",
-                "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, cw, gate-keys, force",
+                "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, gate-keys, cw, force",
             ),
             ("scne = 'a.glb'", "the file has no key scne: choose one of scene, camera, emitter"),
             ("output = 'x.exr'", "output is the text \"x.exr\", but must be a table: write [output] on a line"),
@@ -234,6 +186,15 @@ mod tests {
             ("[[light]]\ntype = 'sun'", "type cannot be \"sun\": choose one of point, spot, beam"),
             ("[[light]]\ntype = 'spot'", "[[light]] needs the key position"),
             ("[render]\nmax-depth = 5\nmax_depth = 6", "[render] has the key max-depth twice: remove one"),
+            ("render.spp = 'x'", "spp is the text \"x\", but must be a whole number"),
+            ("render.sppp = 3", "[render] has no key sppp: choose one of"),
+            ("camera = { fov = 3, up = true }", "up must be numbers"),
+            ("camera = { fov = 3, upp = true }", "[camera] has no key upp: choose one of"),
+            ("[camera]\nup = [1,\n2, 'x']", "up must be numbers"),
+            ("[emitter]\nemitters = [\n'[x]'\n]\nlampp = 3", "[emitter] has no key lampp"),
+            ("[render.spp]\nx = 1", "spp is a table, but must be a whole number"),
+            ("[[medium]]\nmor = '1m'\n[[medium]]\nsigma = 3", "[[medium]] has no key sigma: choose one of"),
+            ("[[medium]]\nsigma-s = 3\nsigma_s = 3", "[[medium]] has the key sigma-s twice: remove one"),
             ("light = 3", "light is the number 3, but must be a list"),
             ("scene = 3", "scene is the number 3, but must be text in quotation marks"),
         ];
@@ -247,5 +208,60 @@ mod tests {
                 "{message}"
             );
         }
+    }
+
+    /// Every key in every table that does not have it: the message names the right table and a key that this table takes.
+    #[test]
+    fn a_misplaced_key_is_sent_to_the_table_that_has_it() {
+        let headers = [
+            "",
+            "[camera]",
+            "[emitter]",
+            "[input]",
+            "[medium]",
+            "[[medium]]",
+            "[gate]",
+            "[render]",
+            "[output]",
+            "[scan]",
+            "[[light]]",
+            "[[response]]",
+        ];
+        let settings = table::all().flat_map(|setting| {
+            [Some(setting.name), setting.old_key].into_iter().flatten().map(|key| (setting.table, key))
+        });
+        let all: Vec<_> = settings.chain(scan_table::KEYS.map(|key| ("scan", key))).chain([("", "scene")]).collect();
+        let message = |header: &str, key: &str| {
+            let text = format!("{header}\n{key} = true\n");
+            Experiment::parse(&text).map_or_else(|error| error.message, |_| String::new())
+        };
+        let mut count = 0;
+        for (table, key) in &all {
+            for header in headers.iter().filter(|header| header.trim_matches(['[', ']']) != *table) {
+                let found = message(header, key);
+                if *header == "[[response]]" && ["gate", "depth"].contains(key) {
+                    continue;
+                }
+                count += 1;
+                if header.is_empty() && headers.iter().any(|header| header.trim_matches(['[', ']']) == *key) {
+                    assert!(found.contains(": write [") && found.contains(&format!("[{key}]")), "{key}: {found}");
+                    continue;
+                }
+                let place = if header.is_empty() { "the file" } else { header };
+                let (head, remedy) =
+                    found.split_once(": it belongs ").unwrap_or_else(|| panic!("{header} {key}: {found}"));
+                assert_eq!(head, format!("{place} has no key {key}"));
+                if table.is_empty() {
+                    assert_eq!(remedy, "at the top of the file, before all tables");
+                    continue;
+                }
+                let (home, name) = remedy.split_once(", as ").unwrap_or((remedy, key));
+                assert_eq!(home, format!("to [{table}]"));
+                let there = message(&format!("[{table}]"), name);
+                assert!(!there.contains("has no key"), "{header} {key}: {there}");
+                assert!(home_of(name) == Some((table, name)), "{key}: {name} is the present name");
+            }
+        }
+        assert!(count > 1000, "{count} places");
     }
 }

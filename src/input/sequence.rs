@@ -17,7 +17,6 @@ use crate::settings::values::{Files, Png};
 
 /// Frames per second, if the user gives none.
 pub(super) const DEFAULT_FPS: u32 = 24;
-const MAX_FPS: u32 = 10_000;
 
 /// The frames of an experiment with `--frames`.
 pub struct Sequence {
@@ -40,6 +39,7 @@ impl Sequence {
     /// The sequence of an experiment; `None` if it has no frames. `end`: the end of the scene's animations in seconds, `None` if no
     /// node moves. Fails if the settings do not fit a sequence: see the messages.
     pub fn new(experiment: &Experiment, end: impl FnOnce() -> Result<Option<f64>>) -> Result<Option<Sequence>> {
+        experiment.output.check()?;
         let mut experiment = experiment.clone();
         if experiment.output.frames.is_some() {
             check_restartable(&experiment.output)?;
@@ -86,7 +86,7 @@ impl Sequence {
             // The frames have no picture that could be exposed.
             experiment.output.exposure = None;
         }
-        let (frames, fps) = (frames.0, checked_fps(fps)?);
+        let (frames, fps) = (frames.0, fps.unwrap_or(DEFAULT_FPS));
         let end = end()?;
         if end.is_none() && keys.is_none() {
             return Err(Error::settings(
@@ -203,6 +203,7 @@ pub(super) fn is_picture(path: &Path) -> bool {
 /// The experiment with the time of its first frame, and with the gate of this frame beside its gate keys. Defaults such as the
 /// camera and the estimator depend on them. `end`: as in [`Sequence::new`]. Without frames, the experiment stays as it is.
 pub fn at_first_frame(experiment: &Experiment, end: Option<f64>) -> Result<Experiment> {
+    experiment.output.check()?;
     let mut first = experiment.clone();
     let OutputTable { frames, fps, .. } = &first.output;
     let number = frames.as_ref().map_or(0, |Frames(frames)| frames.start);
@@ -210,7 +211,7 @@ pub fn at_first_frame(experiment: &Experiment, end: Option<f64>) -> Result<Exper
     if frames.is_some()
         && let Some(end) = end
     {
-        first.input.at = Some(moment(number, checked_fps(*fps)?, end, keys.is_some()));
+        first.input.at = Some(moment(number, fps.unwrap_or(DEFAULT_FPS), end, keys.is_some()));
     }
     if let Some(keys) = keys {
         first.gate.gate = Some(keys.gate(number.into()));
@@ -223,13 +224,6 @@ pub fn at_first_frame(experiment: &Experiment, end: Option<f64>) -> Result<Exper
 fn moment(number: u32, fps: u32, end: f64, gate_moves: bool) -> Moment {
     let time = f64::from(number) / f64::from(fps);
     Moment(if gate_moves { time.min(end) } else { time })
-}
-
-fn checked_fps(fps: Option<u32>) -> Result<u32> {
-    match fps.unwrap_or(DEFAULT_FPS) {
-        fps if (1..=MAX_FPS).contains(&fps) => Ok(fps),
-        fps => Err(Error::settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}"))),
-    }
 }
 
 /// Fails with --checkpoint or --resume. Also fails if a restarted sequence could not tell which frames are finished, and for a shard

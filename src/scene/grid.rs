@@ -50,7 +50,7 @@ pub fn load(path: &Path, bounds: Option<[DVec3; 2]>) -> Result<DensityGrid> {
     let contents = read(&bytes).map_err(wrong)?;
     let Some(bounds) = bounds.or(contents.bounds) else {
         return Err(wrong(
-            "has no bounds of its own; give the box of the grid, with --medium-bounds or the key bounds".into(),
+            "has no bounds of its own; give the box of the grid, with --medium-bounds, or with bounds in Python".into(),
         ));
     };
     let Contents { resolution, density, .. } = contents;

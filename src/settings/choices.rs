@@ -6,102 +6,106 @@ use std::str::FromStr;
 use crate::error::{Error, Result};
 use crate::estimators::Estimator;
 
-/// The set of (s, t) strategies that the estimator uses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Strategies {
-    /// All strategies: s >= 0, t >= 1.
-    All,
-    /// The strategies of the paper (Sec. 6.1): s >= 1, t >= 2.
-    Paper,
-}
+/// Generates enums of named alternatives. Flags and experiment files contain the names. A word that is no name gets a message: the word,
+/// the literal after the type, and the names.
+macro_rules! choices {
+    ($($(#[$about:meta])+ $type:ident, $wrong:literal { $($(#[$doc:meta])+ $variant:ident = $name:literal,)+ })+) => {$(
+        $(#[$about])+
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum $type { $($(#[$doc])+ $variant,)+ }
 
-impl Strategies {
-    /// Both sets.
-    pub const ALL: [Strategies; 2] = [Strategies::All, Strategies::Paper];
+        impl $type {
+            /// All choices.
+            pub const ALL: [$type; [$($name),+].len()] = [$($type::$variant),+];
 
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Strategies::All => "all",
-            Strategies::Paper => "paper",
+            /// The name on the command line.
+            pub fn name(self) -> &'static str {
+                match self { $($type::$variant => $name,)+ }
+            }
         }
-    }
+
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl FromStr for $type {
+            type Err = Error;
+
+            fn from_str(text: &str) -> Result<$type> {
+                let named = $type::ALL.into_iter().find(|choice| choice.name() == text);
+                named.ok_or_else(|| {
+                    let (last, others) = ([$($name),+].split_last()).expect("there are choices");
+                    Error::Settings(format!("'{text}' {}: choose {} or {last}", $wrong, others.join(", ")))
+                })
+            }
+        }
+    )+};
 }
 
-/// Distribution of samples over the image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Sampling {
-    /// Every pixel has the same number of samples.
-    Uniform,
-    /// Pixels in which earlier iterations found more error have more samples; the average number is the same.
-    Adaptive,
+choices! {
+    /// The set of (s, t) strategies that the estimator uses.
+    Strategies, "is not a set of strategies" {
+        /// All strategies: s >= 0, t >= 1.
+        All = "all",
+        /// The strategies of the paper (Sec. 6.1): s >= 1, t >= 2.
+        Paper = "paper",
+    }
+
+    /// Distribution of samples over the image.
+    Sampling, "is not a sampling mode" {
+        /// Every pixel has the same number of samples.
+        Uniform = "uniform",
+        /// Pixels in which earlier iterations found more error have more samples; the average number is the same.
+        Adaptive = "adaptive",
+    }
+
+    /// Whether `lcs` also forms ellipsoidal connections. The mean of the image does not depend on it.
+    UseEllipsoids, "does not say when to form ellipsoidal connections" {
+        /// In gates so thin that they pay off; on the driver SwiftShader never, because it takes minutes to compile the kernel.
+        Auto = "auto",
+        /// In any gate.
+        On = "on",
+        /// Never.
+        Off = "off",
+    }
+
+    /// Which surfaces with transmission are thin glass. Light passes straight through thin glass, and refracts at solid glass.
+    ThinGlass, "does not say which glass is thin" {
+        /// Those of open meshes, and those whose material says so.
+        Auto = "auto",
+        /// All of them.
+        All = "all",
+        /// None.
+        None = "none",
+    }
+
+    /// How a density grid continues between the centres of its voxels.
+    Filter, "is not a filter of a grid" {
+        /// Linear interpolation.
+        Linear = "linear",
+        /// Each voxel has a constant density.
+        Nearest = "nearest",
+    }
+
+    /// What the picture of a render with several gates shows.
+    #[derive(Default)]
+    GatePictures, "is not a kind of picture" {
+        /// The sum of all gates.
+        #[default]
+        Sum = "sum",
+        /// Each gate in a picture of its own.
+        Each = "each",
+        /// All gates side by side in one picture.
+        Strip = "strip",
+    }
 }
 
 impl Sampling {
-    /// Both modes.
-    pub const ALL: [Sampling; 2] = [Sampling::Uniform, Sampling::Adaptive];
-
     /// The default for an estimator.
     pub fn default_of(estimator: Estimator) -> Sampling {
         if estimator.record().adaptive { Sampling::Adaptive } else { Sampling::Uniform }
-    }
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Sampling::Uniform => "uniform",
-            Sampling::Adaptive => "adaptive",
-        }
-    }
-}
-
-/// Whether `lcs` also forms ellipsoidal connections. The mean of the image does not depend on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum UseEllipsoids {
-    /// In gates so thin that they pay off; on the driver SwiftShader never, because it takes minutes to compile the kernel.
-    Auto,
-    /// In any gate.
-    On,
-    /// Never.
-    Off,
-}
-
-impl UseEllipsoids {
-    /// All choices.
-    pub const ALL: [UseEllipsoids; 3] = [UseEllipsoids::Auto, UseEllipsoids::On, UseEllipsoids::Off];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            UseEllipsoids::Auto => "auto",
-            UseEllipsoids::On => "on",
-            UseEllipsoids::Off => "off",
-        }
-    }
-}
-
-/// Which surfaces with transmission are thin glass. Light passes straight through thin glass, and refracts at solid glass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ThinGlass {
-    /// Those of open meshes, and those whose material says so.
-    Auto,
-    /// All of them.
-    All,
-    /// None.
-    None,
-}
-
-impl ThinGlass {
-    /// All choices.
-    pub const ALL: [ThinGlass; 3] = [ThinGlass::Auto, ThinGlass::All, ThinGlass::None];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            ThinGlass::Auto => "auto",
-            ThinGlass::All => "all",
-            ThinGlass::None => "none",
-        }
     }
 }
 
@@ -222,73 +226,5 @@ impl FromStr for Importance {
             }
         }
         Ok(importance)
-    }
-}
-
-impl fmt::Display for Sampling {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Sampling {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Sampling> {
-        Sampling::ALL
-            .into_iter()
-            .find(|s| s.name() == text)
-            .ok_or_else(|| Error::Settings(format!("'{text}' is not a sampling mode: choose uniform or adaptive")))
-    }
-}
-
-impl fmt::Display for UseEllipsoids {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for UseEllipsoids {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<UseEllipsoids> {
-        UseEllipsoids::ALL.into_iter().find(|s| s.name() == text).ok_or_else(|| {
-            Error::Settings(format!(
-                "'{text}' does not say when to form ellipsoidal connections: choose auto, on or off"
-            ))
-        })
-    }
-}
-
-impl fmt::Display for Strategies {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Strategies {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Strategies> {
-        Strategies::ALL
-            .into_iter()
-            .find(|s| s.name() == text)
-            .ok_or_else(|| Error::Settings(format!("'{text}' is not a set of strategies: choose all or paper")))
-    }
-}
-
-impl fmt::Display for ThinGlass {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for ThinGlass {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<ThinGlass> {
-        ThinGlass::ALL.into_iter().find(|choice| choice.name() == text).ok_or_else(|| {
-            Error::Settings(format!("'{text}' does not say which glass is thin: choose auto, all or none"))
-        })
     }
 }

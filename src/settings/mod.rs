@@ -11,10 +11,7 @@ pub mod exposure;
 #[allow(missing_docs)]
 pub mod frames;
 pub mod frequencies;
-pub mod gate_pictures;
 pub mod gates;
-#[allow(missing_docs)]
-pub mod grid;
 pub mod keys;
 #[allow(missing_docs)]
 pub mod medium;
@@ -43,7 +40,9 @@ pub mod units;
 pub mod values;
 
 pub use self::builder::SettingsBuilder;
-pub use self::choices::{Budget, Crop, Emitters, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids};
+pub use self::choices::{
+    Budget, Crop, Emitters, Filter, GatePictures, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids,
+};
 pub use self::response::{Edge, Response};
 pub use self::responses::Responses;
 use crate::error::{Error, Result};

@@ -23,15 +23,18 @@ pub enum Phase {
     Table(PathBuf),
 }
 
+/// The settings that are parameters of phase functions.
+pub const PARAMETERS: [&str; 5] = ["phase-g", "phase-g2", "phase-weight", "phase-alpha", "droplet-diameter"];
+
 impl Phase {
-    /// The flags of the parameters. `has_droplets`: whether the user gave a droplet diameter, which sets all parameters of `Draine`.
+    /// The settings that are parameters of this one. `has_droplets`: whether the user gave a droplet diameter, which sets all parameters of `Draine`.
     pub fn parameters(&self, has_droplets: bool) -> &'static [&'static str] {
         match self {
             Phase::Isotropic | Phase::Rayleigh | Phase::Table(_) => &[],
-            Phase::Hg => &["--phase-g"],
-            Phase::DoubleHg => &["--phase-g", "--phase-g2", "--phase-weight"],
-            Phase::Draine if has_droplets => &["--droplet-diameter"],
-            Phase::Draine => &["--phase-g", "--phase-g2", "--phase-weight", "--phase-alpha"],
+            Phase::Hg => &PARAMETERS[..1],
+            Phase::DoubleHg => &PARAMETERS[..3],
+            Phase::Draine if has_droplets => &PARAMETERS[4..],
+            Phase::Draine => &PARAMETERS[..4],
         }
     }
 }

@@ -6,14 +6,16 @@ use std::path::PathBuf;
 use crate::error::{Error, Result};
 use crate::settings::Estimator;
 
-/// One setting: a flag of the command line, and the key of the same name in an experiment file.
+/// One setting: a flag of the command line, and the key of the same name in a table of an experiment file. Keyword arguments in Python
+/// have this name too, with underscores.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting {
-    /// The flag is two dashes and this name. Experiment files may use it as the key, too.
+    /// The flag is two dashes and this name.
     pub name: &'static str,
-    /// The field of the table, with underscores; empty outside of tables. With dashes it is the key in experiment files, see
-    /// [`Setting::key`].
-    pub field: &'static str,
+    /// The table of an experiment file that has the key.
+    pub table: &'static str,
+    /// Another name of the key, which experiment files of earlier versions have.
+    pub old_key: Option<&'static str>,
     /// The letter of the short flag.
     pub short: Option<char>,
     /// Heading in the help text under which the flag is listed.
@@ -24,9 +26,30 @@ pub struct Setting {
     pub form: Form,
     /// Names of settings that exclude this one: the user can give at most one of them.
     pub excludes: &'static [&'static str],
+    /// What this setting and each that it excludes both do, for messages.
+    pub both: &'static str,
+    /// Names of settings that belong to the choice made here. Another choice resets them.
+    pub resets: &'static [&'static str],
     /// Minimum and maximum of the accepted values, both included, for a setting that is a count.
     pub limits: Option<(u32, u32)>,
+    /// False: the setting only says where a render runs, where its files are, or what it refuses.
+    pub affects_image: bool,
+    takers: u8,
     used_by: fn(Estimator) -> bool,
+}
+
+/// A part of the program that takes some of the settings. `taugate render` takes all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Taker {
+    /// `taugate info`
+    Info = 1,
+    /// `taugate view`
+    View = 2,
+    /// The page of the viewer, which changes settings while it renders. No setting of the page names a file.
+    Page = 4,
+    /// The Python module
+    Python = 8,
 }
 
 /// How a flag takes its value.
@@ -50,32 +73,37 @@ impl Setting {
     const fn new(heading: &'static str, name: &'static str, value: &'static str) -> Setting {
         Setting {
             name,
-            field: "",
+            table: "",
+            old_key: None,
             short: None,
             heading,
             value,
             help: "",
             form: Form::Value,
             excludes: &[],
+            both: "",
+            resets: &[],
             limits: None,
+            affects_image: true,
+            takers: 0,
             used_by: |_| true,
         }
     }
 
     pub const fn scene(name: &'static str, value: &'static str) -> Setting {
-        Setting::new("Scene", name, value)
+        Setting::new("Scene", name, value).also(Taker::Info).also(Taker::View).also(Taker::Python)
     }
 
     pub const fn medium(name: &'static str, value: &'static str) -> Setting {
-        Setting::new("Medium", name, value)
+        Setting { heading: "Medium", ..Setting::scene(name, value) }
     }
 
     pub const fn gate(name: &'static str, value: &'static str) -> Setting {
-        Setting::new("Gate", name, value)
+        Setting::new("Gate", name, value).also(Taker::View).also(Taker::Python)
     }
 
     pub const fn sampling(name: &'static str, value: &'static str) -> Setting {
-        Setting::new("Sampling", name, value)
+        Setting { heading: "Sampling", ..Setting::gate(name, value) }
     }
 
     pub const fn output(name: &'static str, value: &'static str) -> Setting {
@@ -87,16 +115,31 @@ impl Setting {
     }
 
     pub const fn diagnostics(name: &'static str, value: &'static str) -> Setting {
-        Setting::new("Diagnostics", name, value)
+        Setting { heading: "Diagnostics", ..Setting::gate(name, value) }.affects_no_image()
     }
 
-    pub const fn field(self, field: &'static str) -> Setting {
-        Setting { field, ..self }
+    pub const fn table(self, table: &'static str) -> Setting {
+        Setting { table, ..self }
     }
 
-    /// The key in experiment files. In `[medium]`, some keys are shorter than the flags.
-    pub fn key(&self) -> String {
-        self.field.replace('_', "-")
+    pub const fn old_key(self, key: &'static str) -> Setting {
+        Setting { old_key: Some(key), ..self }
+    }
+
+    pub const fn also(self, taker: Taker) -> Setting {
+        Setting { takers: self.takers | taker as u8, ..self }
+    }
+
+    pub const fn except(self, taker: Taker) -> Setting {
+        Setting { takers: self.takers & !(taker as u8), ..self }
+    }
+
+    pub fn is_for(&self, taker: Taker) -> bool {
+        self.takers & taker as u8 != 0
+    }
+
+    pub const fn affects_no_image(self) -> Setting {
+        Setting { affects_image: false, ..self }
     }
 
     pub const fn help(self, help: &'static str) -> Setting {
@@ -111,8 +154,13 @@ impl Setting {
         Setting { form, ..self }
     }
 
-    pub const fn excludes(self, others: &'static [&'static str]) -> Setting {
-        Setting { excludes: others, ..self }
+    /// Excludes settings that stand before this one in the tables. `both`: what each of them and this one do.
+    pub const fn excludes(self, others: &'static [&'static str], both: &'static str) -> Setting {
+        Setting { excludes: others, both, ..self }
+    }
+
+    pub const fn resets(self, others: &'static [&'static str]) -> Setting {
+        Setting { resets: others, ..self }
     }
 
     pub const fn within(self, min: u32, max: u32) -> Setting {
@@ -220,17 +268,47 @@ pub trait Visitor {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>);
 }
 
-/// Generates the struct of a table from a list of settings. Each entry is a doc comment, which is also the help text, and `field:
+/// Removes the settings with these names.
+pub struct LeaveOut<'a>(pub &'a [&'a str]);
+
+impl Visitor for LeaveOut<'_> {
+    fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
+        slot.take_if(|_| self.0.contains(&setting.name));
+    }
+}
+
+/// Collects the settings that the user gave, in the order of the tables.
+#[derive(Default)]
+pub struct Given(pub Vec<&'static Setting>);
+
+impl Visitor for Given {
+    fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
+        self.0.extend(slot.is_some().then_some(setting));
+    }
+}
+
+/// Checks the limits of the settings that the user gave, up to the first error.
+pub struct CheckLimits(pub Result<()>);
+
+impl Visitor for CheckLimits {
+    fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
+        if let (Ok(()), Some(count)) = (&self.0, slot.as_ref().and_then(T::count)) {
+            self.0 = setting.check(count);
+        }
+    }
+}
+
+/// Generates the struct of a table from its name in experiment files and a list of settings. Each entry is a doc comment, which is also the help text, and `field:
 /// type, setting;`. A field is `None` if the user did not give the setting.
 ///
 /// With `impl Settings for`, an entry may have a default: `field: type = |settings| default, setting;`. The macro then also
 /// generates a method of [`crate::settings::Settings`] that returns the value, and a method of its builder that sets it.
 macro_rules! table {
-    ($(#[doc = $about:literal])+ impl Settings for $table:ident {
+    ($(#[doc = $about:literal])+ impl Settings for $table:ident = $name:literal {
         $($(#[doc = $help:literal])+ $field:ident: $type:ty $(= $default:expr)?, $setting:expr;)+
     }) => {
         $crate::settings::setting::table! {
-            $(#[doc = $about])+ $table { $($(#[doc = $help])+ $field: $type, $setting;)+ }
+            $(#[doc = $about])+ $table = $name { $($(#[doc = $help])+ $field: $type, $setting;)+ }
         }
 
         impl $crate::settings::Settings {
@@ -248,7 +326,7 @@ macro_rules! table {
             $($crate::settings::setting::value!(choose $field: $type, [$($default)?], [$($help),+]);)+
         }
     };
-    ($(#[doc = $about:literal])+ $table:ident {
+    ($(#[doc = $about:literal])+ $table:ident = $name:literal {
         $($(#[doc = $help:literal])+ $field:ident: $type:ty, $setting:expr;)+
     }) => {
         $(#[doc = $about])+
@@ -259,21 +337,34 @@ macro_rules! table {
         }
 
         impl $table {
+            /// The settings of this table.
+            pub const SETTINGS: &[$crate::settings::setting::Setting] =
+                &[$($setting.help(concat!($($help),+)).table($name)),+];
+
             /// Calls `visitor` with every setting.
             pub fn visit(&mut self, visitor: &mut impl $crate::settings::setting::Visitor) {
-                $({
-                    const SETTING: &$crate::settings::setting::Setting =
-                        &$setting.help(concat!($($help),+)).field(stringify!($field));
-                    visitor.visit(SETTING, &mut self.$field);
-                })+
+                let mut settings = $table::SETTINGS.iter();
+                $(visitor.visit(settings.next().expect("each field has a setting"), &mut self.$field);)+
             }
 
-            /// The key of the setting `name`, or `name` if there is no such setting.
-            fn key_of(name: String) -> String {
-                $(if $setting.name == name {
-                    return stringify!($field).replace('_', "-");
-                })+
-                name
+            /// The settings that the user gave.
+            pub fn given(&self) -> Vec<&'static $crate::settings::setting::Setting> {
+                let mut given = $crate::settings::setting::Given::default();
+                self.clone().visit(&mut given);
+                given.0
+            }
+
+            /// Fails with [`crate::Error::Settings`] if a value is outside its limits. The message names the flag and the limits.
+            pub fn check(&self) -> $crate::error::Result<()> {
+                let mut check = $crate::settings::setting::CheckLimits(Ok(()));
+                self.clone().visit(&mut check);
+                check.0
+            }
+
+            /// The key whose name, or whose old name, is `key`.
+            fn current_key(key: String) -> String {
+                let setting = $table::SETTINGS.iter().find(|setting| setting.old_key == Some(&key));
+                setting.map_or(key, |setting| setting.name.into())
             }
 
             /// Merges two tables: the settings of `self`, and those of `below` that `self` does not give.
@@ -282,7 +373,7 @@ macro_rules! table {
             }
         }
 
-        // `remote = "Self"` derives inherent functions of these names; the traits add dashes and the names of flags.
+        // `remote = "Self"` derives inherent functions of these names; the traits add dashes and old keys.
         impl serde::Serialize for $table {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 $table::serialize(self, serializer)
@@ -291,7 +382,7 @@ macro_rules! table {
 
         impl<'de> serde::Deserialize<'de> for $table {
             fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<$table, D::Error> {
-                $table::deserialize($crate::settings::keys::Dashed(deserializer, $table::key_of))
+                $table::deserialize($crate::settings::keys::Dashed(deserializer, $table::current_key))
             }
         }
     };

@@ -1,6 +1,7 @@
-//! All settings. Each entry gives key and flag, type, help text, limits, and the estimators that use the setting.
+//! All settings. Each entry gives the key and the flag, the type, the help text, limits, the settings that it excludes, the parts of the
+//! program that take it, and the estimators that use it.
 //!
-//! Experiment files, the command line, merging, checks of limits, and notes about settings without effect use these tables.
+//! All other code reads these tables: experiment files, the command line, Python, the viewer, merging, checks and notes.
 
 #![warn(missing_docs)]
 
@@ -8,14 +9,11 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
 use crate::settings::frames::{Frames, GateKeys};
 use crate::settings::frequencies::Frequencies;
-use crate::settings::gate_pictures::GatePictures;
 use crate::settings::gates::Gates;
-use crate::settings::grid::Filter;
 use crate::settings::medium::{
     Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, RefractiveIndex, Share,
 };
@@ -24,13 +22,17 @@ use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::optical_path::OpticalPath;
 use crate::settings::phase::Phase;
 use crate::settings::response_specs::ResponseSpecs;
-use crate::settings::setting::{Form, Setting, Value, Visitor, table};
+use crate::settings::setting::Taker::{Info, Page, Python, View};
+use crate::settings::setting::{Form, Setting, table};
 use crate::settings::shard::Shard;
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::tev::{DEFAULT_TEV, TevAddress};
 use crate::settings::units::{Depth, Gate};
 use crate::settings::values::{Files, Folders, Png, Resolution, Seconds};
 use crate::settings::*;
+
+/// Maximum number of frames per second.
+const MAX_FPS: u32 = 10_000;
 
 const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
 
@@ -47,52 +49,52 @@ fn traces_light(estimator: Estimator) -> bool {
 
 table! {
     /// `[camera]`: the camera and the image size. At most one of `fov` and `ortho`.
-    CameraTable {
+    CameraTable = "camera" {
         /// Name of the camera in the scene; NAME#2 is the second camera of this name; auto: a view of the whole scene, slightly
         /// from above [default: the first camera, or auto if there is none]
-        camera: String, Setting::scene("camera", "NAME|auto");
+        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point"]);
 
         /// Place of the camera in metres, instead of its own; without --look-at the camera looks at the centre of the scene
-        look_from: Numbers<3>, Setting::scene("look-from", "X,Y,Z").form(Form::Signed);
+        look_from: Numbers<3>, Setting::scene("look-from", "X,Y,Z").form(Form::Signed).also(Page);
 
         /// Point at which the camera looks, in metres
-        look_at: Numbers<3>, Setting::scene("look-at", "X,Y,Z").form(Form::Signed);
+        look_at: Numbers<3>, Setting::scene("look-at", "X,Y,Z").form(Form::Signed).also(Page);
 
         /// Direction that is upwards in the image [default with --look-from or --look-at: 0,1,0]
-        up: Numbers<3>, Setting::scene("up", "X,Y,Z").form(Form::Signed);
+        up: Numbers<3>, Setting::scene("up", "X,Y,Z").form(Form::Signed).also(Page);
 
         /// Vertical field of view of a perspective camera in degrees [default: that of the camera, else 40]
-        fov: Fov, Setting::scene("fov", "DEGREES");
+        fov: Fov, Setting::scene("fov", "DEGREES").also(Page);
 
         /// Orthographic view of this height in metres: parallel camera rays, which start on a plane through the camera
-        ortho: Height, Setting::scene("ortho", "HEIGHT").excludes(&["fov"]);
+        ortho: Height, Setting::scene("ortho", "HEIGHT").excludes(&["fov"], "set the view of the camera").also(Page);
 
         /// Where the axis of the camera meets the image, as fractions of its width and height from the top left corner [default:
         /// that of the camera, else 0.5,0.5]
         principal_point: Numbers<2>, Setting::scene("principal-point", "X,Y").form(Form::Signed);
 
         /// Image size in pixels [default: the resolution of the camera, else 512 pixels wide]
-        resolution: Resolution, Setting::scene("resolution", "WxH");
+        resolution: Resolution, Setting::scene("resolution", "WxH").also(Page);
 
         /// Render only the pixels x0 <= x < x1, y0 <= y < y1; they have the same values as in the whole image (with --sampling
         /// adaptive, the same except for noise)
-        crop: Crop, Setting::scene("crop", "x0,x1,y0,y1");
+        crop: Crop, Setting::scene("crop", "x0,x1,y0,y1").except(View);
     }
 }
 
 table! {
     /// `[emitter]`: the emitters that are switched on, and lights to add.
-    EmitterTable {
+    EmitterTable = "emitter" {
         /// Emitters that are switched on: scene for all, or names of nodes; may be repeated [default: scene]
-        emitters: Emitters, Setting::scene("emitters", "scene|NODE,...").form(Form::Repeated);
+        emitters: Emitters, Setting::scene("emitters", "scene|NODE,...").form(Form::Repeated).also(Page);
 
         /// Add a point light at the camera, called headlamp, with this intensity; without a number, a white surface that faces
         /// it at the distance of the scene's centre has radiance 1 [default: only if the scene has no light]
-        headlamp: Headlamp, Setting::scene("headlamp", "W/sr").form(Form::Optional { bare: "auto", equals: false });
+        headlamp: Headlamp, Setting::scene("headlamp", "W/sr").form(Form::Optional { bare: "auto", equals: false }).also(Page);
 
         /// Place of the headlamp, in metres to the right, upwards and backwards from the camera; switches the headlamp on
         /// [default: 0,0,0]
-        headlamp_offset: Numbers<3>, Setting::scene("headlamp-offset", "X,Y,Z").form(Form::Signed);
+        headlamp_offset: Numbers<3>, Setting::scene("headlamp-offset", "X,Y,Z").form(Form::Signed).also(Page);
 
         /// Add a point light at X,Y,Z (metres) with this intensity in W/sr, called lamp-1, lamp-2, ...; may be repeated
         lamp: Lamps, Setting::scene("lamp", "X,Y,Z,INTENSITY").form(Form::SignedRepeated);
@@ -108,10 +110,10 @@ table! {
 
 table! {
     /// `[input]`: how the scene is read.
-    InputTable {
+    InputTable = "input" {
         /// All surfaces reflect and emit on both sides; without this flag the back of a surface is black, unless the scene marks it
         /// as double-sided
-        double_sided: bool, Setting::scene("double-sided", "").form(Form::Switch);
+        double_sided: bool, Setting::scene("double-sided", "").form(Form::Switch).also(Page);
 
         /// Glass that is thin: light passes straight on, as through a window that is modelled as one plane; other glass is solid and
         /// refracts light. auto: glass of open meshes, and glass whose material has extras.thin = true [default: auto]
@@ -119,7 +121,7 @@ table! {
 
         /// Also read files of a .gltf scene that lie in this folder or below, such as ../textures; other files must lie in the folder
         /// of the scene or below; may be repeated
-        allow_path: Folders, Setting::scene("allow-path", "DIR").form(Form::Repeated);
+        allow_path: Folders, Setting::scene("allow-path", "DIR").form(Form::Repeated).affects_no_image();
 
         /// Play the animations of the scene up to this time in seconds, from 0 on, such as 1.5s; without it, nodes keep the transforms
         /// in the file
@@ -133,22 +135,22 @@ table! {
 
 table! {
     /// `[medium]`: fog, smoke or water, instead of the media of the scene.
-    MediumTable {
+    MediumTable = "medium" {
         /// Scattering coefficient per metre, one number or three for red, green and blue [default: 0]
-        sigma_s: Coefficient, Setting::medium("sigma-s", "1/m");
+        sigma_s: Coefficient, Setting::medium("sigma-s", "1/m").also(Page);
 
         /// Absorption coefficient per metre, one number or three [default: 0]
-        sigma_a: Coefficient, Setting::medium("sigma-a", "1/m");
+        sigma_a: Coefficient, Setting::medium("sigma-a", "1/m").also(Page);
 
         /// Meteorological visibility: the distance at which a black object keeps 2 % of its contrast, such as 60m. Together with
         /// --albedo, it gives the coefficients
-        visibility: Distance, Setting::medium("visibility", "LENGTH").excludes(&["sigma-s"]);
+        visibility: Distance, Setting::medium("visibility", "LENGTH").excludes(&["sigma-s", "sigma-a"], "set the coefficients of the medium").also(Page);
 
         /// Meteorological optical range: as --visibility, but with 5 % of the contrast
-        mor: Distance, Setting::medium("mor", "LENGTH").excludes(&["visibility"]);
+        mor: Distance, Setting::medium("mor", "LENGTH").excludes(&["sigma-s", "sigma-a", "visibility"], "set the coefficients of the medium").also(Page);
 
         /// Share of the light that an event scatters instead of absorbing it, for --visibility and --mor [default: 0.99]
-        albedo: Share, Setting::medium("albedo", "0..1");
+        albedo: Share, Setting::medium("albedo", "0..1").excludes(&["sigma-s", "sigma-a"], "set the coefficients of the medium").also(Page);
 
         /// How light is scattered: isotropic, hg (Henyey-Greenstein), double-hg, draine (droplets of water), rayleigh, or a table
         /// of cosines and values in a CSV file [default: draine if there is a --droplet-diameter, hg if there is a --phase-g, else
@@ -156,30 +158,30 @@ table! {
         phase: Phase, Setting::medium("phase", "NAME|FILE.csv");
 
         /// Mean cosine of the scattering angle, for hg and the first lobe of double-hg and draine; positive is forwards
-        g: MeanCosine, Setting::medium("phase-g", "-1..1").form(Form::Signed);
+        phase_g: MeanCosine, Setting::medium("phase-g", "-1..1").form(Form::Signed).old_key("g").also(Page);
 
         /// Mean cosine of the second lobe of double-hg, or parameter g of the second lobe of draine
-        g2: MeanCosine, Setting::medium("phase-g2", "-1..1").form(Form::Signed);
+        phase_g2: MeanCosine, Setting::medium("phase-g2", "-1..1").form(Form::Signed).old_key("g2");
 
         /// Share of the first lobe of double-hg and draine
-        weight: Share, Setting::medium("phase-weight", "0..1");
+        phase_weight: Share, Setting::medium("phase-weight", "0..1").old_key("weight");
 
         /// Parameter alpha of the second lobe of draine
-        alpha: Alpha, Setting::medium("phase-alpha", "ALPHA");
+        phase_alpha: Alpha, Setting::medium("phase-alpha", "ALPHA").old_key("alpha");
 
         /// Diameter of water droplets, from 5 to 50 micrometres; it sets all parameters of draine
-        droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes(&["phase-g"]);
+        droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes(&["phase-g", "phase-g2", "phase-weight", "phase-alpha"], "set the phase function");
 
         /// Index of refraction of a medium that fills all space, like 1.33 for water: solids refract relative to it [default: 1]
-        ior: RefractiveIndex, Setting::medium("medium-ior", "1..5");
+        medium_ior: RefractiveIndex, Setting::medium("medium-ior", "1..5").old_key("ior");
 
         /// Group index of a medium that fills all space: light takes this many times the distance outside of solids [default:
         /// --medium-ior]
-        group_ior: RefractiveIndex, Setting::medium("medium-group-ior", "1..5");
+        medium_group_ior: RefractiveIndex, Setting::medium("medium-group-ior", "1..5").old_key("group-ior");
 
         /// Densities that multiply the coefficients: a Mitsuba volume (.vol), or a NumPy array (.npy) of shape (nz, ny, nx) with
         /// --medium-bounds, the box of the grid
-        grid: PathBuf, Setting::medium("density-grid", "FILE.vol|FILE.npy");
+        density_grid: PathBuf, Setting::medium("density-grid", "FILE.vol|FILE.npy").old_key("grid");
 
         /// Density between the centres of voxels: linear, or nearest for voxels of constant density [default: linear]
         grid_filter: Filter, Setting::medium("grid-filter", "FILTER");
@@ -188,26 +190,26 @@ table! {
         grid_transform: Numbers<12>, Setting::medium("grid-transform", "NUMBERS").form(Form::Signed);
 
         /// Box that the medium or its grid fills, given by two corners in metres [default: all space, or the bounds of the .vol file]
-        bounds: Bounds, Setting::medium("medium-bounds", "X,Y,Z,X,Y,Z").form(Form::Signed);
+        medium_bounds: Bounds, Setting::medium("medium-bounds", "X,Y,Z,X,Y,Z").form(Form::Signed).old_key("bounds");
 
         /// Render without the media of the scene
-        no_medium: bool, Setting::medium("no-medium", "").form(Form::Switch);
+        no_medium: bool, Setting::medium("no-medium", "").form(Form::Switch).also(Page);
     }
 }
 
 table! {
     /// `[gate]`: the travel times that count. At most one of `gate`, `depth` and `gates`.
-    GateTable {
+    GateTable = "gate" {
         /// Travel times that count, from A up to but not including B: A..B, CENTER+-HALF or A+WIDTH with um, mm, cm, m, km
         /// (optical path) or ps, ns, us (time), such as 12.5m..12.8m [default: all travel times, the steady state]
-        gate: Gate, Setting::gate("gate", "A..B").form(Form::Signed);
+        gate: Gate, Setting::gate("gate", "A..B").form(Form::Signed).also(Page);
 
         /// The gate as a range of depths (one way): half the optical path, in units of length
-        depth: Depth, Setting::gate("depth", "A..B").form(Form::Signed).excludes(&["gate"]);
+        depth: Depth, Setting::gate("depth", "A..B").form(Form::Signed).excludes(&["gate"], "set the gate").also(Page);
 
         /// Divide A..B into N gates of equal width (1 to 4096) and render an image for each of them, all from the same light
         /// paths: a histogram of travel times per pixel
-        gates: Gates, Setting::gate("gates", "A..B/N").form(Form::Signed).excludes(&["gate", "depth"]);
+        gates: Gates, Setting::gate("gates", "A..B/N").form(Form::Signed).excludes(&["gate", "depth"], "set the gates").also(Page);
 
         /// Response of the sensor: box, or trapezoid:RISE or gauss:SIGMA for the edges of the gates (convolved with a box or a
         /// Gaussian of that length or time), or FILE.csv with travel times and weights; with a name and a gate of its own it is an
@@ -215,28 +217,28 @@ table! {
         response: ResponseSpecs, Setting::gate("response", "[NAME=]SPEC").form(Form::Repeated);
 
         /// Period of a pulsed laser, as optical path or time, such as 100m: light of all pulses falls into the gates (range folding)
-        repeat: OpticalPath, Setting::gate("repeat", "LENGTH").form(Form::Signed);
+        repeat: OpticalPath, Setting::gate("repeat", "LENGTH").form(Form::Signed).also(Page);
+
+        /// Gate of a frame, for --frames: FRAME=A..B. Between two of them the ends of the gate move linearly; may be repeated
+        gate_keys: GateKeys, Setting::gate("gate-keys", "FRAME=A..B").form(Form::Repeated).except(View).excludes(&["gate", "depth", "gates"], "set the gate");
 
         /// Continuous-wave sensor: modulation frequencies in MHz, one or two. Four images per frequency, with the weights (1 + cos(2 pi
         /// F tau / c + k pi / 2)) / 2 for k = 0 to 3, and layers of phase, amplitude and depth in metres
-        cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response", "repeat"]);
-
-        /// Gate of a frame, for --frames: FRAME=A..B. Between two of them the ends of the gate move linearly; may be repeated
-        gate_keys: GateKeys, Setting::gate("gate-keys", "FRAME=A..B").form(Form::Repeated).excludes(&["gate", "depth", "gates", "cw"]);
+        cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response", "repeat", "gate-keys"], "say which light counts").also(Page);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
-        force: bool, Setting::gate("force", "").form(Form::Switch);
+        force: bool, Setting::gate("force", "").form(Form::Switch).also(Page).affects_no_image();
     }
 }
 
 table! {
     /// `[render]`: how the image is computed. At most one of `spp` and `time`.
-    impl Settings for RenderTable {
+    impl Settings for RenderTable = "render" {
         /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), epc (ellipsoidal path connections), lcs-paper (light-cone
         /// shell queries of the paper), lcs (light-cone shell queries with importance and resampling) [default: lcs for gates up to 0.4
         /// times the scene's diagonal, and in thick fog; bdpt for wider gates; without a gate pt, or bdpt if the scene has mirrors,
         /// glass, sharp gloss, a beam or fog]
-        estimator: Estimator, Setting::sampling("estimator", "NAME");
+        estimator: Estimator, Setting::sampling("estimator", "NAME").also(Page);
 
         /// Strategies (s, t) that connect subpaths: all, or paper (s >= 1 and t >= 2: no sensor path that hits an emitter, no
         /// light vertex that connects to the camera) [default: all]
@@ -246,24 +248,24 @@ table! {
         spp: u32, Setting::sampling("spp", "N").within(1, MAX_SPP);
 
         /// Render for this time instead of a number of samples, such as 30s, 5min or 2h
-        time: Seconds, Setting::sampling("time", "DURATION").excludes(&["spp"]);
+        time: Seconds, Setting::sampling("time", "DURATION").excludes(&["spp"], "limit the render");
 
         /// Seed of the random numbers; the same seed gives the same image, bit by bit [default: 0]
-        seed: u32 = |_| DEFAULT_SEED, Setting::sampling("seed", "N");
+        seed: u32 = |_| DEFAULT_SEED, Setting::sampling("seed", "N").also(Page);
 
         /// Maximum number of segments of a path [default: 24]
-        max_depth: u32 = |_| DEFAULT_MAX_DEPTH, Setting::sampling("max-depth", "N").within(1, MAX_DEPTH);
+        max_depth: u32 = |_| DEFAULT_MAX_DEPTH, Setting::sampling("max-depth", "N").within(1, MAX_DEPTH).also(Page).also(Info);
 
         /// Light subpaths per iteration whose vertices are stored [default: one per pixel, at least 4096 and at most 50000; lcs:
         /// at most 8192]
-        light_paths: u32 = default_light_paths, Setting::sampling("light-paths", "N").within(1, MAX_LIGHT_PATHS);
+        light_paths: u32 = default_light_paths, Setting::sampling("light-paths", "N").within(1, MAX_LIGHT_PATHS).also(Page).also(Info);
 
         /// Additional light subpaths per iteration, which only connect to the camera (t = 1); for caustics [default: 0]
         splat_paths: u32 = |_| 0, Setting::sampling("splat-paths", "N").within(0, MAX_LIGHT_PATHS).only_for(traces_light);
 
         /// Queries per shade point and tree, 1 to 64; with several gates that are together wider than a tenth of the scene's
         /// diagonal, lcs draws two light vertices per query by their travel times, without trees [default: 1; lcs: 16]
-        queries: u32 = |s| s.estimator().default_queries(), Setting::sampling("queries", "N").within(1, MAX_QUERIES).only_for(Estimator::has_trees);
+        queries: u32 = |s| s.estimator().default_queries(), Setting::sampling("queries", "N").within(1, MAX_QUERIES).only_for(Estimator::has_trees).also(Page);
 
         /// Travel-time buckets of power per tree node, 1 to 8 [default: 8]
         buckets: u32 = |_| DEFAULT_BUCKETS, Setting::sampling("buckets", "N").within(1, MAX_BUCKETS).only_for(Estimator::has_trees);
@@ -291,29 +293,29 @@ table! {
 
         /// Distribution of samples over the image: uniform, or adaptive (more samples for pixels with more error so far)
         /// [default: adaptive; lcs-paper: uniform]
-        sampling: Sampling = |s| Sampling::default_of(s.estimator()), Setting::sampling("sampling", "NAME");
+        sampling: Sampling = |s| Sampling::default_of(s.estimator()), Setting::sampling("sampling", "NAME").also(Page);
 
         /// Also trace subpaths that can no longer meet the gate; slower, and the mean image is the same
         no_cull: bool = |_| false, Setting::sampling("no-cull", "").form(Form::Switch);
 
         /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind of device]
-        device: String, Setting::diagnostics("device", "INDEX|NAME");
+        device: String, Setting::diagnostics("device", "INDEX|NAME").also(Info);
 
         /// Fail at the first sample that is not finite; else such samples are dropped and counted
-        strict: bool, Setting::diagnostics("strict", "").form(Form::Switch);
+        strict: bool, Setting::diagnostics("strict", "").form(Form::Switch).except(View);
     }
 }
 
 table! {
     /// `[output]`: the files that a render writes.
-    OutputTable {
+    OutputTable = "output" {
         /// Image file (.exr): R, G, B, their variance, and the settings; with up to 64 --gates, R, G, B show the first gate, and layers
         /// the others. NumPy array (.npy) of shape (height, width, 3) or (height, width, gates, 3), with a JSON file that describes it.
         /// Picture (.png). Sums (.acc) for --resume, merge and develop. May be repeated
         output: Files, Setting::output("output", "OUT.exr|npy|png|acc").short('o').form(Form::Repeated);
 
         /// Also write the variances of an array OUT.npy, to OUT.variance.npy; with many gates, they take as much memory as the images
-        variance: bool, Setting::output("variance", "").form(Form::Switch);
+        variance: bool, Setting::output("variance", "").form(Form::Switch).also(Python);
 
         /// Also write a tone-mapped picture [default name: the output file with .png]
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
@@ -328,14 +330,14 @@ table! {
 
         /// Also write auxiliary layers to the image file: all, or some of depth,normal,albedo,object,arrival (distance, unit
         /// normal, colour and object of the first surface at the centre of each pixel; optical path of the first light)
-        aov: Aov, Setting::output("aov", "NAME,...");
+        aov: Aov, Setting::output("aov", "NAME,...").also(Python);
 
         /// Also write statistics: rays, times, the mean and its error, dropped samples, the fraction of light inside the gate
         stats: PathBuf, Setting::output("stats", "FILE.json");
 
         /// Also show the image in the viewer tev while it is rendered, with its gates and variances as layers; if no tev
         /// answers, there is only a warning [default address: 127.0.0.1:14158]
-        tev: TevAddress, Setting::output("tev", "HOST:PORT").form(Form::Optional { bare: DEFAULT_TEV, equals: true });
+        tev: TevAddress, Setting::output("tev", "HOST:PORT").form(Form::Optional { bare: DEFAULT_TEV, equals: true }).also(View);
 
         /// Also write the sums so far to this file: regularly (see --every), at the end, and at an interrupt. If the file exists, the
         /// render goes on from it, with the same image as if it had never stopped
@@ -354,10 +356,10 @@ table! {
 
         /// Render the frames A, A + 1, ... up to but not including B, each to a file of its own: # in the name of an output stands for
         /// the number. Frames that are there with the same settings are kept. The scene has the pose at the time of the frame
-        frames: Frames, Setting::output("frames", "A..B").excludes(&["at"]);
+        frames: Frames, Setting::output("frames", "A..B").excludes(&["at"], "set the time of the scene");
 
         /// Frames per second of the animations [default: 24]
-        fps: u32, Setting::output("fps", "N");
+        fps: u32, Setting::output("fps", "N").within(1, MAX_FPS);
 
         /// Also write a picture of all frames side by side
         contact_sheet: PathBuf, Setting::output("contact-sheet", "FILE.png");
@@ -380,33 +382,36 @@ impl InputTable {
 }
 
 impl RenderTable {
-    /// Fails with [`crate::Error::Settings`] if a value is outside its limits. The message names the flag and the limits.
-    pub fn check(&self) -> Result<()> {
-        struct Check(Result<()>);
-        impl Visitor for Check {
-            fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-                if let (Ok(()), Some(count)) = (&self.0, slot.as_ref().and_then(T::count)) {
-                    self.0 = setting.check(count);
-                }
-            }
-        }
-        let mut check = Check(Ok(()));
-        self.clone().visit(&mut check);
-        check.0
-    }
-
     /// A note for every setting that the user gave and that `estimator` does not use.
     pub fn without_effect(&self, estimator: Estimator) -> Vec<String> {
-        struct Notes(Estimator, Vec<String>);
-        impl Visitor for Notes {
-            fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-                self.1.extend(slot.as_ref().and_then(|_| setting.without_effect(self.0)));
-            }
-        }
-        let mut notes = Notes(estimator, vec![]);
-        self.clone().visit(&mut notes);
-        notes.1
+        self.given().into_iter().filter_map(|setting| setting.without_effect(estimator)).collect()
     }
+}
+
+/// All settings, in the order of the help text.
+pub fn all() -> impl Iterator<Item = &'static Setting> {
+    let tables = [
+        CameraTable::SETTINGS,
+        EmitterTable::SETTINGS,
+        InputTable::SETTINGS,
+        MediumTable::SETTINGS,
+        GateTable::SETTINGS,
+        RenderTable::SETTINGS,
+        OutputTable::SETTINGS,
+    ];
+    tables.into_iter().flatten()
+}
+
+/// The setting with this name or this old key; `None` if there is none.
+pub fn find(name: &str) -> Option<&'static Setting> {
+    all().find(|setting| setting.name == name || setting.old_key == Some(name))
+}
+
+/// Names of the settings that cannot be given together with the setting `name`.
+pub fn excluding(name: &str) -> impl Iterator<Item = &'static str> {
+    let own = find(name).map_or(&[][..], |setting| setting.excludes);
+    let others = all().filter(move |setting| setting.excludes.contains(&name));
+    own.iter().copied().chain(others.map(|setting| setting.name))
 }
 
 /// The tables of an experiment on which an image depends.

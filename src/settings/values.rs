@@ -16,7 +16,9 @@ use crate::settings::gates::Gates;
 use crate::settings::optical_path::OpticalPath;
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
-use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids};
+use crate::settings::{
+    Crop, Emitters, Estimator, Filter, GatePictures, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids,
+};
 
 /// Width and height in pixels, such as `640x480`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -185,7 +187,9 @@ serde_as_text!(
     Sampling,
     Strategies,
     ThinGlass,
-    UseEllipsoids
+    UseEllipsoids,
+    Filter,
+    GatePictures
 );
 serde_as_list! {
     Resolution, "x", "expected width and height, like \"640x480\" or [640, 480]";
@@ -194,7 +198,7 @@ serde_as_list! {
     Aov, ",", "expected \"all\" or a list of layers";
 }
 
-value_from_text!(Gate, Gates, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids, Aov, Exposure, Emitters {
+value_from_text!(Gate, Gates, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids, Filter, GatePictures, Aov, Exposure, Emitters {
     fn and(self, later: Emitters) -> Emitters {
         match (self, later) {
             (Emitters::Nodes(names), Emitters::Nodes(more)) => Emitters::Nodes([names, more].concat()),

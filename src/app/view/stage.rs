@@ -9,51 +9,16 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::{named, resolve, scenery};
 use taugate::internals::scene::{Camera, Light, Material, Medium, Scene, SkyImage};
 use taugate::internals::settings::Settings;
+use taugate::internals::settings::setting::Taker;
+use taugate::internals::settings::table::{excluding, find};
 
 use super::super::{memory, render};
 use super::message::Change;
-
-/// The settings that a page may change. None of them names a file.
-pub const CHANGEABLE: [&str; 30] = [
-    "camera",
-    "look-from",
-    "look-at",
-    "up",
-    "fov",
-    "ortho",
-    "resolution",
-    "emitters",
-    "headlamp",
-    "headlamp-offset",
-    "double-sided",
-    "sigma-s",
-    "sigma-a",
-    "visibility",
-    "mor",
-    "albedo",
-    "phase-g",
-    "no-medium",
-    "gate",
-    "depth",
-    "gates",
-    "repeat",
-    "cw",
-    "force",
-    "estimator",
-    "seed",
-    "max-depth",
-    "light-paths",
-    "queries",
-    "sampling",
-];
 
 /// Bytes per pixel of the films, the sample statistics, and the pictures for the pages.
 const PIXEL_BYTES: u64 = 256;
 /// Bytes per pixel and gate of two pictures and the sums of the film.
 const GATE_BYTES: u64 = 48;
-
-/// Settings that place a camera. Choosing another camera resets them.
-const PLACES: [&str; 6] = ["look-from", "look-at", "up", "fov", "ortho", "principal-point"];
 
 /// The parts of a scene that settings change.
 struct Changeable {
@@ -205,21 +170,22 @@ impl Stage {
     fn merged(&self, changes: &BTreeMap<String, Change>) -> Result<BTreeMap<String, Option<String>>> {
         let mut merged = self.changes.clone();
         for name in changes.keys() {
-            if !CHANGEABLE.contains(&name.as_str()) {
+            if !is_changeable(name) {
                 return Err(Error::Settings(format!(
                     "a page cannot change --{name}; restart taugate view with this flag"
                 )));
             }
-            for other in named::excluding(name) {
+            for other in excluding(name) {
                 merged.remove(other);
             }
             merged.remove(name);
         }
         // After all others, because removing one of two settings that exclude each other would bring back the other one of the start.
         if let Some(change) = changes.get("camera") {
-            merged.retain(|name, _| !PLACES.contains(&name.as_str()));
+            let places = find("camera").map_or(&[][..], |camera| camera.resets);
+            merged.retain(|name, _| !places.contains(&name.as_str()));
             if matches!(change, Change::Text(_)) {
-                merged.extend(PLACES.map(|place| (place.to_string(), None)));
+                merged.extend(places.iter().map(|place| (place.to_string(), None)));
             }
         }
         for (name, change) in changes {
@@ -229,7 +195,7 @@ impl Stage {
                     merged.insert(name.clone(), None);
                     if name == "gate" {
                         // The user wants a steady image, so remove gates of every kind.
-                        merged.extend(["depth", "gates", "cw"].map(|other| (other.to_string(), None)));
+                        merged.extend(excluding(name).map(|other| (other.to_string(), None)));
                         merged.remove("repeat");
                     }
                 }
@@ -240,10 +206,15 @@ impl Stage {
     }
 }
 
+/// Whether a page may change the setting with this name.
+fn is_changeable(name: &str) -> bool {
+    find(name).is_some_and(|setting| setting.name == name && setting.is_for(Taker::Page))
+}
+
 /// The error of the first value that its flag does not accept, whatever the scene and the other settings are.
 pub fn typing_error(changes: &BTreeMap<String, Change>) -> Option<Error> {
     let texts = changes.iter().filter_map(|(name, change)| match change {
-        Change::Text(text) if CHANGEABLE.contains(&name.as_str()) => Some((name, text)),
+        Change::Text(text) if is_changeable(name) => Some((name, text)),
         _ => None,
     });
     texts.into_iter().find_map(|(name, text)| named::set(&mut Experiment::default(), name, Some(text)).err())

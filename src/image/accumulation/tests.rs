@@ -194,7 +194,7 @@ fn the_contents_of_files_decide_and_not_their_paths() {
         let mut about = accumulation(0..1, 1, false).about;
         about.files = [format!("{folder}/a"), format!("{folder}/a.csv")].into();
         about.settings = format!(
-            "{SETTINGS}[medium]\ngrid = '{folder}/a'\n[gate]\nresponse = ['one={folder}/a.csv', 'two=gauss:{edge}']\n"
+            "{SETTINGS}[medium]\ndensity-grid = '{folder}/a'\n[gate]\nresponse = ['one={folder}/a.csv', 'two=gauss:{edge}']\n"
         )
         .replace("[gate]\ngate = '1m..2m'\n", "");
         about
@@ -225,6 +225,17 @@ fn settings_without_effect_may_differ() {
     let difference = |other| difference_of_images(("one", two), ("the other", of(other)));
     assert_eq!(difference("scene = 'b.glb'\n[render]\nspp = 2\nstrict = true\n"), None);
     assert_eq!(difference("[render]\nspp = 3\n").unwrap(), "render.spp is 2 in one and is 3 in the other");
+}
+
+/// Files of earlier versions have old keys for the settings of a medium.
+#[test]
+fn old_keys_are_the_same_settings() {
+    let difference = |old, new| difference_of_images(("old", (old, &[][..])), ("new", (new, &[][..])));
+    assert_eq!(difference("[medium]\ng = 0.5\nior = 1.3\n", "[medium]\nphase-g = 0.5\nmedium-ior = 1.3\n"), None);
+    let list = ("[[medium]]\nmor = '1m'\nweight = 1\n", "[[medium]]\nmor = '1m'\nphase-weight = 1\n");
+    assert_eq!(difference(list.0, list.1), None);
+    let message = difference("[medium]\ng = 0.5\n", "[medium]\nphase-g = 0.6\n").unwrap();
+    assert_eq!(message, "medium.phase-g is 0.5 in old and is 0.6 in new");
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use super::Experiment;
 use crate::input::sequence::{DEFAULT_FPS, has_pictures, is_picture};
 use crate::settings::moment::Moment;
-use crate::settings::table::{CameraTable, GateTable, OutputTable};
+use crate::settings::setting::LeaveOut;
+use crate::settings::table::{OutputTable, excluding};
 use crate::settings::values::{Files, Png};
 
 impl Experiment {
@@ -11,12 +12,8 @@ impl Experiment {
     /// as one setting.
     pub fn over(self, mut below: Experiment) -> Experiment {
         let was_exposed = is_exposed(&below.output);
-        // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
         if let Some(Moment(seconds)) = self.input.at {
             below.render_only(seconds);
-        }
-        if self.output.frames.is_some() {
-            below.input.at = None;
         }
         leave_outputs_to(&mut below.output, &self.output);
         if was_exposed && !is_exposed(&below.output) && !is_exposed(&self.output) {
@@ -26,30 +23,11 @@ impl Experiment {
             below.output.png_gates = None;
         }
         below.gate.leave_responses_to(&self.gate);
-        if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
-            (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
-            below.gate.gate_keys = None;
-        }
-        if self.gate.gate_keys.is_some() {
-            (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
-        }
-        if self.gate.response.is_some() || self.gate.repeat.is_some() {
-            below.gate.cw = None;
-        }
-        if self.gate.cw.is_some() {
-            below.gate = GateTable { force: below.gate.force, ..GateTable::default() };
-        }
-        if self.camera.fov.is_some() || self.camera.ortho.is_some() {
-            (below.camera.fov, below.camera.ortho) = (None, None);
-        }
-        if self.render.spp.is_some() || self.render.time.is_some() {
-            (below.render.spp, below.render.time) = (None, None);
-        }
-        // If `self` names a camera, the place and the view in `below` may belong to another camera.
-        if self.camera.camera.is_some() {
-            let CameraTable { camera, resolution, crop, .. } = below.camera;
-            below.camera = CameraTable { camera, resolution, crop, ..CameraTable::default() };
-        }
+        self.medium.replace_in(&mut below.medium);
+        // Settings that exclude each other count as one: a depth given as a flag also replaces the gate of the file.
+        let given = self.given();
+        let replaced = given.iter().flat_map(|setting| excluding(setting.name).chain(setting.resets.iter().copied()));
+        below.visit(&mut LeaveOut(&replaced.collect::<Vec<_>>()));
         Experiment {
             scene: self.scene.or(below.scene),
             camera: self.camera.over(below.camera),

@@ -3,14 +3,14 @@
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::scene::{DensityGrid, GridFilter, grid};
-use crate::settings::grid::Filter;
+use crate::settings::Filter;
 use crate::settings::numbers::Numbers;
 use crate::settings::table::MediumTable;
 
 /// The grid of `table`, if the user gave one. `bounds` are its corners before the transform; they replace the corners in the file.
 /// Fails with one sentence if the file is no grid, or if a setting has no effect.
 pub(super) fn grid(table: &MediumTable, bounds: Option<[DVec3; 2]>) -> Result<Option<DensityGrid>, String> {
-    let Some(path) = &table.grid else {
+    let Some(path) = &table.density_grid else {
         let settings =
             [("--grid-filter", table.grid_filter.is_some()), ("--grid-transform", table.grid_transform.is_some())];
         return match settings.iter().find(|(_, given)| *given) {
@@ -54,17 +54,17 @@ mod tests {
         let experiment = Experiment::parse(&format!("[medium]\n{keys}")).map_err(|e| e.to_string())?;
         assert_eq!(Experiment::parse(&experiment.to_toml()).unwrap(), experiment, "{}", experiment.to_toml());
         let table = &experiment.medium.one;
-        grid(table, table.bounds.map(|bounds| bounds.0.map(DVec3::from)))
+        grid(table, table.medium_bounds.map(|bounds| bounds.0.map(DVec3::from)))
     }
 
     #[test]
     fn a_grid_has_the_bounds_the_filter_and_the_transform_of_the_user() {
-        let plain = read("grid = 'DIR/a.vol'").unwrap().unwrap();
+        let plain = read("density-grid = 'DIR/a.vol'").unwrap().unwrap();
         assert_eq!(
             (plain.resolution, plain.density.as_slice(), plain.filter),
             ([2, 1, 1], &[0.5, 0.25][..], GridFilter::Linear)
         );
-        let keys = "grid = 'DIR/a.npy'\ngrid-filter = 'nearest'\nbounds = [[0, 0, 0], [1, 2, 3]]\n\
+        let keys = "density-grid = 'DIR/a.npy'\ngrid-filter = 'nearest'\nmedium-bounds = [[0, 0, 0], [1, 2, 3]]\n\
                     grid-transform = [2, 0, 0, 5, 0, 1, 0, 6, 0, 0, 1, 7]";
         let placed = read(keys).unwrap().unwrap();
         assert_eq!((placed.density, placed.filter), (plain.density, GridFilter::Nearest));
@@ -75,11 +75,11 @@ mod tests {
     #[test]
     fn mistakes_name_the_remedy() {
         for (keys, part) in [
-            ("grid = 'DIR/a.npy'", "give the box of the grid"),
-            ("grid = 'DIR/short.vol'", "should have 8 bytes of densities, but has 2"),
-            ("grid = 'DIR/absent.vol'", "check the name"),
-            ("grid = 'DIR/a.vdb'", "use a .vol or .npy file"),
-            ("grid-filter = 'cubic'\ngrid = 'DIR/a.vol'", "choose linear or nearest"),
+            ("density-grid = 'DIR/a.npy'", "give the box of the grid"),
+            ("density-grid = 'DIR/short.vol'", "should have 8 bytes of densities, but has 2"),
+            ("density-grid = 'DIR/absent.vol'", "check the name"),
+            ("density-grid = 'DIR/a.vdb'", "use a .vol or .npy file"),
+            ("grid-filter = 'cubic'\ndensity-grid = 'DIR/a.vol'", "choose linear or nearest"),
             ("grid-filter = 'nearest'", "--grid-filter needs --density-grid"),
             ("grid-transform = [1, 2]", "not a list of 12 numbers"),
         ] {

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::files::{check_readable, read_error};
 use crate::scene::PhaseFunction;
 use crate::settings::medium::{Alpha, DropletDiameter, MeanCosine};
-use crate::settings::phase::Phase;
+use crate::settings::phase::{PARAMETERS, Phase};
 use crate::settings::table::MediumTable;
 
 /// Maximum size of a table in bytes; a table of a thousand rows has 20,000 bytes.
@@ -13,30 +13,25 @@ const MAX_TABLE_BYTES: u64 = 8 << 20;
 
 /// The phase function of `table`. Fails with one sentence if a parameter is missing, or has no effect.
 pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
-    let phase = table.phase.clone().unwrap_or(match (table.droplet_diameter, table.g) {
+    let phase = table.phase.clone().unwrap_or(match (table.droplet_diameter, table.phase_g) {
         (Some(_), _) => Phase::Draine,
         (None, Some(_)) => Phase::Hg,
         (None, None) => Phase::Isotropic,
     });
     let used = phase.parameters(table.droplet_diameter.is_some());
-    let given = [
-        ("--phase-g", table.g.is_some()),
-        ("--phase-g2", table.g2.is_some()),
-        ("--phase-weight", table.weight.is_some()),
-        ("--phase-alpha", table.alpha.is_some()),
-        ("--droplet-diameter", table.droplet_diameter.is_some()),
-    ];
-    if let Some((flag, _)) = given.iter().find(|(flag, given)| *given && !used.contains(flag)) {
-        let with = match (&phase, table.droplet_diameter) {
-            (Phase::Draine, Some(_)) => "with --droplet-diameter, which sets all parameters".to_string(),
-            _ => format!("in its phase function{}", only(used)),
-        };
-        return Err(format!("{flag} has no effect {with}: remove it, or choose another --phase"));
+    let mut given = table.given().into_iter().map(|setting| setting.name);
+    if let Some(name) = given.find(|name| PARAMETERS.contains(name) && !used.contains(name)) {
+        let only = only(used);
+        return Err(format!(
+            "--{name} has no effect in its phase function{only}: remove it, or choose another --phase"
+        ));
     }
     let missing = |flag: &str, what: &str| format!("this phase function needs {flag}, {what}");
-    let first = || table.g.map(|MeanCosine(g)| g).ok_or(missing("--phase-g", "the mean cosine of its first lobe"));
-    let second = |what: &str| table.g2.map(|MeanCosine(g)| g).ok_or(missing("--phase-g2", what));
-    let weight = || table.weight.map(|share| share.0).ok_or(missing("--phase-weight", "the share of its first lobe"));
+    let first =
+        || table.phase_g.map(|MeanCosine(g)| g).ok_or(missing("--phase-g", "the mean cosine of its first lobe"));
+    let second = |what: &str| table.phase_g2.map(|MeanCosine(g)| g).ok_or(missing("--phase-g2", what));
+    let weight =
+        || table.phase_weight.map(|share| share.0).ok_or(missing("--phase-weight", "the share of its first lobe"));
     Ok(match phase {
         Phase::Isotropic => PhaseFunction::Isotropic,
         Phase::Rayleigh => PhaseFunction::Rayleigh,
@@ -47,7 +42,7 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
         },
         Phase::Draine => match table.droplet_diameter {
             Some(DropletDiameter(diameter)) => droplets(diameter),
-            None if table.g.is_none() => {
+            None if table.phase_g.is_none() => {
                 return Err("draine needs --droplet-diameter, or its four parameters --phase-g, --phase-g2, --phase-weight and \
                             --phase-alpha"
                     .into());
@@ -56,7 +51,10 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
                 g: first()?,
                 g_draine: second("the parameter g of its second lobe")?,
                 weight_draine: 1.0 - weight()?,
-                alpha: table.alpha.map(|Alpha(x)| x).ok_or(missing("--phase-alpha", "the alpha of its second lobe"))?,
+                alpha: table
+                    .phase_alpha
+                    .map(|Alpha(x)| x)
+                    .ok_or(missing("--phase-alpha", "the alpha of its second lobe"))?,
             },
         },
         Phase::Table(path) => read_table(&path)?,
@@ -67,8 +65,8 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
 fn only(used: &[&str]) -> String {
     match used {
         [] => ", which has no parameters".into(),
-        [one] => format!(", which has only {one}"),
-        [some @ .., last] => format!(", which has {} and {last}", some.join(", ")),
+        [one] => format!(", which has only --{one}"),
+        [some @ .., last] => format!(", which has --{} and --{last}", some.join(", --")),
     }
 }
 
@@ -144,7 +142,7 @@ mod tests {
             assert!((found / expected - 1.0).abs() < 1e-3, "{found} and not {expected}");
         }
         assert_eq!(read("phase = 'draine'\ndroplet_diameter = 15.0"), read("droplet-diameter = '15'"));
-        let given = read("phase = 'draine'\ng = 0.9\ng2 = 0.5\nweight = 0.25\nalpha = 20");
+        let given = read("phase = 'draine'\nphase-g = 0.9\nphase-g2 = 0.5\nphase-weight = 0.25\nphase-alpha = 20");
         let expected =
             PhaseFunction::HenyeyGreensteinDraine { g: 0.9, g_draine: 0.5, alpha: 20.0, weight_draine: 0.75 };
         assert_eq!(given, Ok(expected));
@@ -171,15 +169,21 @@ mod tests {
     fn mistakes_name_the_remedy() {
         for (keys, part) in [
             ("phase = 'hg'", "needs --phase-g,"),
-            ("g = 0.5\nphase = 'isotropic'", "--phase-g has no effect in its phase function, which has no parameters"),
-            ("g = 0.5\ng2 = 0.5", "--phase-g2 has no effect in its phase function, which has only --phase-g:"),
-            ("g = 0.5\ng2 = 0.1\nphase = 'double-hg'", "--phase-weight"),
+            (
+                "phase-g = 0.5\nphase = 'isotropic'",
+                "--phase-g has no effect in its phase function, which has no parameters",
+            ),
+            (
+                "phase-g = 0.5\nphase-g2 = 0.5",
+                "--phase-g2 has no effect in its phase function, which has only --phase-g:",
+            ),
+            ("phase-g = 0.5\nphase-g2 = 0.1\nphase = 'double-hg'", "--phase-weight"),
             ("phase = 'draine'", "draine needs --droplet-diameter, or"),
-            ("phase = 'draine'\ng = 0.5\ng2 = 0.5\nweight = 1", "--phase-alpha"),
-            ("droplet-diameter = 10\nalpha = 2", "--phase-alpha has no effect with --droplet-diameter"),
+            ("phase = 'draine'\nphase-g = 0.5\nphase-g2 = 0.5\nphase-weight = 1", "--phase-alpha"),
+            ("droplet-diameter = 10\nphase-alpha = 2", "phase-alpha and droplet-diameter both set the phase function"),
             ("droplet-diameter = 10\nphase = 'hg'", "--droplet-diameter has no effect"),
             ("droplet-diameter = 3", "from 5 to 50"),
-            ("alpha = 'x'", "an alpha of Draine"),
+            ("phase-alpha = 'x'", "an alpha of Draine"),
         ] {
             let message = read(keys).expect_err(keys);
             assert!(message.contains(part), "{keys}: {message}");

@@ -1,58 +1,139 @@
 use super::*;
 use crate::input::experiment::Experiment;
+use crate::settings::setting::{LeaveOut, Taker, Value, Visitor};
 
-/// The name of every setting must be its key in experiment files; the flags of a medium may have a longer name than the keys of
-/// `[medium]`. Every setting must have a help text.
-#[test]
-fn names_are_the_keys_of_the_file_and_all_have_help() {
-    struct Fill(Vec<String>);
-    impl Visitor for Fill {
-        fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-            assert!(!setting.help.trim().is_empty() && !setting.help.ends_with('.'), "--{}", setting.name);
-            assert!(setting.excludes.iter().all(|other| self.0.iter().any(|name| name == other)), "--{}", setting.name);
-            let words = [
-                "true",
-                "1",
-                "0.5",
-                "1m..2m",
-                "1m..2m/3",
-                "4x4",
-                "0,1,0,1",
-                "0,1,0",
-                "0,1",
-                "0,0,0,1,1,1",
-                "1,0,0,0,0,1,0,0,0,0,1,0",
-                "linear",
-                "3s",
-                "3m",
-                "0=1m..2m",
-                "0..2",
-                "pt",
-                "hg",
-                "box",
-                "15",
-                "all",
-                "uniform",
-                "on",
-                "localhost:1",
-                "0/2",
-                "strip",
-                "word",
-            ];
-            *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());
-            assert!(slot.is_some(), "--{} has a value that this test does not know", setting.name);
-            self.0.push(setting.name.into());
+/// Gives every setting a value, and notes which values name files.
+#[derive(Default)]
+struct Fill {
+    names_files: Vec<&'static str>,
+}
+
+impl Visitor for Fill {
+    fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
+        let words = [
+            "true",
+            "1",
+            "0.5",
+            "1m..2m",
+            "1m..2m/3",
+            "4x4",
+            "0,1,0,1",
+            "0,1,0",
+            "0,1",
+            "0,0,0,1,1,1",
+            "1,0,0,0,0,1,0,0,0,0,1,0",
+            "linear",
+            "3s",
+            "3m",
+            "0=1m..2m",
+            "0..2",
+            "pt",
+            "hg",
+            "box",
+            "15",
+            "all",
+            "uniform",
+            "on",
+            "localhost:1",
+            "0/2",
+            "strip",
+            "word",
+        ];
+        *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());
+        assert!(slot.is_some(), "--{} has a value that this test does not know", setting.name);
+        if !slot.clone().unwrap().paths().is_empty() {
+            self.names_files.push(setting.name);
         }
     }
-    let (mut experiment, mut fill) = (Experiment::default(), Fill(vec![]));
-    experiment.visit(&mut fill);
-    let text = experiment.to_toml();
+}
+
+/// An experiment in which every setting has a value.
+fn filled() -> Experiment {
+    let mut experiment = Experiment::default();
+    experiment.visit(&mut Fill::default());
+    experiment
+}
+
+#[test]
+fn names_are_the_keys_of_the_file_and_all_have_help() {
+    let text = filled().to_toml();
     let keys: Vec<&str> = text.lines().filter_map(|line| Some(line.split_once(" = ")?.0)).collect();
-    let short = |name: &str| {
-        let key = ["phase-", "medium-", "density-"].iter().find_map(|prefix| name.strip_prefix(prefix));
-        key.unwrap_or(name).to_string()
+    assert_eq!(keys, all().map(|setting| setting.name).collect::<Vec<_>>(), "{text}");
+    for setting in all() {
+        assert!(!setting.help.trim().is_empty() && !setting.help.ends_with('.'), "--{}", setting.name);
+    }
+}
+
+#[test]
+fn settings_exclude_earlier_ones_and_reset_those_of_their_table() {
+    for (k, setting) in all().enumerate() {
+        let earlier: Vec<&str> = all().take(k).map(|earlier| earlier.name).collect();
+        assert!(setting.excludes.iter().all(|other| earlier.contains(other)), "--{}", setting.name);
+        assert_eq!(setting.excludes.is_empty(), setting.both.is_empty(), "--{}", setting.name);
+        let is_beside = |other: &str| find(other).is_some_and(|other| other.table == setting.table);
+        assert!(setting.resets.iter().all(|other| is_beside(other)), "--{}", setting.name);
+    }
+}
+
+/// Each pair of settings that exclude each other: a file must not have both, and a flag replaces the other one of the file.
+#[test]
+fn settings_that_exclude_each_other_are_refused_together_and_replace_each_other() {
+    let with = |name: &str| {
+        let others: Vec<&str> = all().map(|setting| setting.name).filter(|other| *other != name).collect();
+        let mut experiment = filled();
+        experiment.visit(&mut LeaveOut(&others));
+        experiment
     };
-    assert_eq!(keys, fill.0.iter().map(|name| short(name)).collect::<Vec<_>>(), "{text}");
+    let pairs = all().flat_map(|setting| setting.excludes.iter().map(move |other| (setting, *other)));
+    for (setting, other) in pairs {
+        let line = |name: &str| {
+            let text = with(name).to_toml();
+            let line = text.lines().find(|line| line.starts_with(&format!("{name} = "))).unwrap();
+            format!("{}.{line}\n", find(name).unwrap().table)
+        };
+        let message = Experiment::parse(&(line(setting.name) + &line(other))).unwrap_err().message;
+        assert_eq!(message, format!("{other} and {} both {}: keep one", setting.name, setting.both));
+        for (flag, file) in [(setting.name, other), (other, setting.name)] {
+            assert_eq!(with(flag).over(with(file)), with(flag), "--{flag} over {file}");
+        }
+    }
+}
+
+#[test]
+fn old_keys_are_read_and_new_ones_are_written() {
+    let old: Vec<&Setting> = all().filter(|setting| setting.old_key.is_some()).collect();
+    let keys: Vec<&str> = old.iter().filter_map(|setting| setting.old_key).collect();
+    assert_eq!(keys, ["g", "g2", "weight", "alpha", "ior", "group-ior", "grid", "bounds"]);
+    assert!(
+        keys.iter().all(|key| all().all(|setting| setting.name != *key)),
+        "an old key is not the name of another one"
+    );
+    let text = filled().medium.one;
+    let new = toml::to_string(&text).unwrap();
+    for (setting, key) in old.iter().zip(keys) {
+        let line = new.lines().find(|line| line.starts_with(&format!("{} = ", setting.name))).unwrap();
+        let old = line.replacen(setting.name, key, 1);
+        let read = |text: &str| Experiment::parse(&format!("[medium]\n{text}\n"));
+        assert_eq!(read(&old), read(line), "{old}");
+        assert_eq!(read(&old).unwrap().to_toml(), read(line).unwrap().to_toml(), "{old}");
+        let list = Experiment::parse(&format!("[[medium]]\n{old}\n")).unwrap();
+        assert_eq!(list, Experiment::parse(&format!("[[medium]]\n{line}\n")).unwrap());
+        let message = read(&format!("{old}\n{line}")).unwrap_err().message;
+        let expected = format!("[medium] has the key {0} twice ({key} is an old name of it): remove one", setting.name);
+        assert_eq!(message, expected);
+    }
+}
+
+/// A page is another program, so none of its settings may name a file to read or write.
+#[test]
+fn pages_change_no_names_of_files() {
+    let mut fill = Fill::default();
+    Experiment::default().visit(&mut fill);
+    assert!(fill.names_files.contains(&"density-grid") && fill.names_files.contains(&"output"));
+    for setting in all().filter(|setting| setting.is_for(Taker::Page)) {
+        assert!(!fill.names_files.contains(&setting.name), "--{}", setting.name);
+        assert!(setting.is_for(Taker::View), "--{}", setting.name);
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 use taugate::internals::generate::{Kind, build, glb};
+use taugate::internals::settings::table;
 
 use super::super::message::Request;
 use super::*;
@@ -175,6 +176,7 @@ fn malformed_messages_are_survived() {
     }
     assert!(accepted > 1000 && refused > 1000 && unread > 1000, "{accepted} {refused} {unread}");
     // The stage still works.
-    stage.change(&CHANGEABLE.map(|name| (name.to_string(), Change::AsAtStart)).into()).unwrap();
+    let changeable = table::all().filter(|setting| setting.is_for(Taker::Page));
+    stage.change(&changeable.map(|setting| (setting.name.to_string(), Change::AsAtStart)).collect()).unwrap();
     assert_eq!(named::as_texts(&stage.view().experiment), named::as_texts(stage.start()));
 }
