@@ -41,6 +41,8 @@ mod image;
 #[allow(missing_docs)]
 mod input;
 #[allow(missing_docs)]
+mod job;
+#[allow(missing_docs)]
 mod lightcone;
 #[allow(missing_docs)]
 mod oracle;
@@ -94,6 +96,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, job, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
     }
 }

@@ -2,8 +2,6 @@
 
 #![allow(dead_code)]
 
-#[path = "../../src/app/feasible.rs"]
-pub mod feasible;
 #[path = "../../src/app/memory.rs"]
 pub mod memory;
 #[path = "../../src/app/render/ready.rs"]

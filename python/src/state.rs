@@ -12,6 +12,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Resolved};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::feasible;
 use taugate::internals::render::{PreparedScene, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
@@ -24,7 +25,6 @@ use crate::errors::{Failure, Result, settings};
 use crate::flags::{self, Words};
 use crate::image::Image;
 use crate::resume::SumFiles;
-use crate::shared::feasible;
 use crate::shared::ready::Ready;
 use crate::sums;
 

@@ -9,6 +9,7 @@ use taugate::internals::image::accumulation::file::{self, Parts, Problem};
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
+use taugate::internals::job::feasible;
 use taugate::internals::render::schedule::{samples_before, samples_in};
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::values::Seconds;
@@ -20,7 +21,6 @@ use crate::errors::{Failure, Result, settings};
 use crate::flags::Words;
 use crate::image::Image;
 use crate::scene::NativeScene;
-use crate::shared::feasible;
 use crate::state::Job;
 
 /// The sums of some iterations of a render.

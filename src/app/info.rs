@@ -16,6 +16,7 @@ use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{emitting_nodes, resolve};
 use taugate::internals::input::scenery;
+use taugate::internals::job::feasible;
 use taugate::internals::render::sheets::{Glass, glass};
 use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
@@ -29,7 +30,7 @@ use map::Map;
 use media::{Medium, Thickness};
 use pixel::Shown;
 
-use super::{compiling, feasible, render};
+use super::{compiling, render};
 use crate::app::cli::InfoArgs;
 
 /// Percentiles of the arriving light whose travel times the report lists.

@@ -8,7 +8,6 @@ mod compare;
 mod compiling;
 mod detect;
 mod devices;
-mod feasible;
 mod flags;
 mod generate;
 mod histogram;

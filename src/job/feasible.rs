@@ -1,16 +1,15 @@
 //! Refuses gates that no light can meet, and suggests gates that show light.
 
-use taugate::Error;
-use taugate::internals::error::Result;
-use taugate::internals::gpu::Device;
-use taugate::internals::input::resolve;
-use taugate::internals::render::{
+use crate::error::{Error, Result};
+use crate::gpu::Device;
+use crate::input::resolve;
+use crate::render::{
     MissingLight, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, missing_light, missing_light_at_any_time,
     probe,
 };
-use taugate::internals::scene::Scene;
-use taugate::internals::settings::Settings;
-use taugate::internals::settings::units::{Gate, METRES_PER_NS};
+use crate::scene::Scene;
+use crate::settings::Settings;
+use crate::settings::units::{Gate, METRES_PER_NS};
 
 /// Minimum width of a suggested gate, as a fraction of the diagonal of [`bounds`]. Without triangles: of the time from the 5th to the
 /// 95th percentile of the light.

@@ -1,0 +1,3 @@
+//! What the program, the viewer and the Python module do with a scene. Nothing here prints.
+
+pub mod feasible;
