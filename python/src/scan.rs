@@ -12,7 +12,7 @@ use serde_json::Value;
 use taugate::internals::image::array_set::{self, ArraySet, Role};
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::scan_file::{ScanArrays, ScanFilm};
-use taugate::internals::job::feasible;
+use taugate::internals::job::{feasible, memory};
 use taugate::internals::render::MemoryPlan;
 use taugate::internals::scan::{Measurement, PreparedScan, scene_at};
 use taugate::internals::settings::Sampling;
@@ -22,7 +22,6 @@ use crate::errors::{Failure, Result, settings as mistake, shown};
 use crate::flags::Words;
 use crate::image::array;
 use crate::scene::NativeScene;
-use crate::shared::memory;
 use crate::state::Job;
 
 /// The array of a scan, its description as JSON, and, with the setting `variance`, its variances.

@@ -12,6 +12,7 @@ use pyo3::types::PyDict;
 use taugate::internals::image::fingerprint;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::emitting_nodes;
+use taugate::internals::job::memory;
 use taugate::internals::render::{Renderer, object_ids};
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::Settings;
@@ -22,7 +23,6 @@ use crate::engine::{self, Prepared, lock};
 use crate::errors::{Failure, Result, settings, shown};
 use crate::flags::{self, Words};
 use crate::image::Image;
-use crate::shared::memory;
 use crate::state::{Job, State, arrivals};
 
 /// A scene, see the class of the same name in Python.

@@ -2,8 +2,6 @@
 
 #![allow(dead_code)]
 
-#[path = "../../src/app/memory.rs"]
-pub mod memory;
 #[path = "../../src/app/render/ready.rs"]
 pub mod ready;
 #[path = "../../src/app/render/sums.rs"]

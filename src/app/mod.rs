@@ -15,7 +15,6 @@ mod images;
 mod info;
 mod interrupts;
 mod live;
-mod memory;
 mod merge;
 mod pace;
 mod preparation;

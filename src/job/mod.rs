@@ -1,3 +1,4 @@
 //! What the program, the viewer and the Python module do with a scene. Nothing here prints.
 
 pub mod feasible;
+pub mod memory;

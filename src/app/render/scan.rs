@@ -12,7 +12,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve;
 use taugate::internals::input::scan_table::ScanTable;
 use taugate::internals::input::scenery;
-use taugate::internals::job::feasible;
+use taugate::internals::job::{feasible, memory};
 use taugate::internals::render::MemoryPlan;
 use taugate::internals::scan::{Measurement, PreparedScan, scene_at};
 use taugate::internals::settings::Sampling;
@@ -21,7 +21,6 @@ use taugate::internals::settings::table::OutputTable;
 use taugate::{Error, ErrorKind};
 
 use super::super::interrupts::Interrupt;
-use super::super::memory;
 use super::super::preparation::Preparation;
 use super::super::progress::{Before, Position, duration, rays};
 use super::super::report::dropped;

@@ -2,11 +2,10 @@
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
+use taugate::internals::job::memory;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, missing_light_at_any_time};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::{Responses, Settings};
-
-use super::super::memory;
 
 /// The sides of the image are divided by these numbers to give the sides of the previews, the coarsest first.
 const DIVISORS: [u32; 3] = [8, 4, 2];

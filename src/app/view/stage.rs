@@ -7,10 +7,11 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::{named, resolve, scenery};
+use taugate::internals::job::memory;
 use taugate::internals::scene::{Camera, Light, Material, Medium, Scene, SkyImage};
 use taugate::internals::settings::Settings;
 
-use super::super::{memory, render};
+use super::super::render;
 use super::message::Change;
 
 /// The settings that a page may change. None of them names a file.
