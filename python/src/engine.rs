@@ -13,6 +13,7 @@ use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::input::experiment::Experiment;
+use taugate::internals::job::ready::Ready;
 use taugate::internals::job::{feasible, memory};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light};
 use taugate::internals::scene::Scene;
@@ -21,7 +22,6 @@ use taugate::internals::settings::{Budget, Settings};
 use taugate::internals::threads::{spawn_scoped, start_pool};
 
 use crate::errors::{Failure, Result};
-use crate::shared::ready::Ready;
 
 /// How long the calling thread waits for a step before it asks Python for interrupts. Python reports them only in the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);

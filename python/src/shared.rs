@@ -2,7 +2,5 @@
 
 #![allow(dead_code)]
 
-#[path = "../../src/app/render/ready.rs"]
-pub mod ready;
 #[path = "../../src/app/render/sums.rs"]
 pub mod sums;

@@ -13,6 +13,7 @@ use taugate::internals::input::resolve::{self, Resolved};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::job::feasible;
+use taugate::internals::job::ready::Ready;
 use taugate::internals::render::{PreparedScene, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
@@ -25,7 +26,6 @@ use crate::errors::{Failure, Result, settings};
 use crate::flags::{self, Words};
 use crate::image::Image;
 use crate::resume::SumFiles;
-use crate::shared::ready::Ready;
 use crate::sums;
 
 /// What a scene of Python holds.

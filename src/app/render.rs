@@ -4,7 +4,6 @@ mod errors;
 mod iterations;
 mod outputs;
 mod print;
-mod ready;
 mod scan;
 mod sequence;
 mod sums;
@@ -26,6 +25,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::ready::Ready;
 use taugate::internals::job::{feasible, memory};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers, missing_light};
 use taugate::internals::scene::Scene;
@@ -47,7 +47,6 @@ use errors::{with_saved_results, with_scene_path};
 use iterations::{Done, Iterations};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
-use ready::Ready;
 use sums::{Checkpoint, Earlier, Identity, empty_shard};
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {

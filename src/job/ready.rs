@@ -1,10 +1,10 @@
 //! A renderer that is ready for its first iteration, and later for the first iterations of other frames.
 
-use taugate::internals::error::Result;
-use taugate::internals::gpu::Device;
-use taugate::internals::render::{PreparedScene, Renderer, missing_light};
-use taugate::internals::scene::Scene;
-use taugate::internals::settings::Settings;
+use crate::error::Result;
+use crate::gpu::Device;
+use crate::render::{PreparedScene, Renderer, missing_light};
+use crate::scene::Scene;
+use crate::settings::Settings;
 
 /// A renderer with the scene that it renders.
 pub struct Ready {
