@@ -6,7 +6,6 @@ mod outputs;
 mod print;
 mod scan;
 mod sequence;
-mod sums;
 
 use std::collections::HashSet;
 use std::io::IsTerminal;
@@ -26,6 +25,7 @@ use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::job::ready::Ready;
+use taugate::internals::job::sums::{self, Checkpoint, Earlier, Identity, empty_shard};
 use taugate::internals::job::{feasible, memory};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers, missing_light};
 use taugate::internals::scene::Scene;
@@ -47,7 +47,6 @@ use errors::{with_saved_results, with_scene_path};
 use iterations::{Done, Iterations};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
-use sums::{Checkpoint, Earlier, Identity, empty_shard};
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);

@@ -3,3 +3,4 @@
 pub mod feasible;
 pub mod memory;
 pub mod ready;
+pub mod sums;

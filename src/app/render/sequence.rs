@@ -12,10 +12,10 @@ use taugate::internals::image::exr_header::{missing_layer, read_settings};
 use taugate::internals::image::npy_file::description_path;
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::sums::Identity;
 use taugate::internals::settings::aov::Aov;
 
 use super::outputs::check_pictures;
-use super::sums::Identity;
 use super::{Interrupt, Outcome, Session, check_pose, load_scene};
 
 /// How the first line of a frame's settings begins. The fingerprint of the input files follows. The line is a comment in TOML.
