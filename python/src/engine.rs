@@ -13,11 +13,14 @@ use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::input::experiment::Experiment;
+use taugate::internals::job::iterations::{Abandons, End, Iterations};
 use taugate::internals::job::ready::Ready;
 use taugate::internals::job::{feasible, memory};
+use taugate::internals::render::schedule::Schedule;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::aov::Aov;
+use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Budget, Settings};
 use taugate::internals::threads::{spawn_scoped, start_pool};
 
@@ -203,16 +206,17 @@ pub fn is_interrupt(error: &PyErr) -> bool {
 /// The exception that ended the work of [`watched`] early but keeps the result so far: an interrupt, or the loss of the device. All other
 /// failures, and a loss before there was a result, are errors.
 pub fn early_end(
-    ended: Result<()>,
+    end: taugate::Result<End>,
     failure: Option<PyErr>,
     device: &Device,
     has_result: bool,
 ) -> Result<Option<PyErr>> {
-    match (ended, failure) {
-        (Err(loss), _) if device.is_lost() && has_result => Ok(Some(loss.into())),
-        (Err(error), _) => Err(error),
-        (Ok(()), Some(error)) if !is_interrupt(&error) => Err(error.into()),
-        (Ok(()), interrupt) => Ok(interrupt),
+    match (end.and_then(End::or_error), failure) {
+        (Err(loss), _) if device.is_lost() && has_result => Ok(Some(Failure::from(loss).into())),
+        (Err(error), _) => Err(error.into()),
+        (Ok(End::NotFinite(dropped)), _) => Err(Failure::NotFinite(dropped)),
+        (Ok(_), Some(error)) if !is_interrupt(&error) => Err(error.into()),
+        (Ok(_), interrupt) => Ok(interrupt),
     }
 }
 
@@ -227,44 +231,21 @@ pub fn iterate(
     mut after: impl FnMut(&Renderer, f64) + Send,
 ) -> Result<(f64, Option<PyErr>)> {
     let started = Instant::now();
-    let seconds = || before + started.elapsed().as_secs_f64();
-    let (ended, failure) = watched(progress, |steps, stop| {
-        add(renderer, settings, strict, stop, &seconds, |renderer, step| {
-            after(renderer, step.seconds);
+    let budget = settings.budget();
+    let (end, failure) = watched(progress, |steps, stop| {
+        let schedule = Schedule::Budget { budget, shard: Shard::ALL, before };
+        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::SafeOnes };
+        iterations.run(renderer, |renderer, elapsed| {
+            let (samples, seconds) = (renderer.film().samples(), before + elapsed.as_secs_f64());
+            after(renderer, seconds);
+            let fraction = match budget {
+                Budget::Spp(spp) => samples as f64 / f64::from(spp),
+                Budget::Seconds(all) => seconds / all,
+            };
             // `watched` keeps the receiver until this thread ends, so this cannot fail.
-            let _ = steps.send(step);
+            let _ = steps.send(Step { fraction: fraction.min(1.0), samples, seconds });
         })
     })?;
-    let end = early_end(ended, failure, renderer.device(), renderer.film().iterations() > 0)?;
-    Ok((seconds(), end))
-}
-
-fn add(
-    renderer: &mut Renderer,
-    settings: &Settings,
-    strict: bool,
-    stop: &Arc<AtomicBool>,
-    seconds: &impl Fn() -> f64,
-    mut after: impl FnMut(&Renderer, Step),
-) -> Result<()> {
-    let budget = settings.budget();
-    // An abandoned iteration may clear the images of responses, so such a render finishes its iteration.
-    let never = Arc::default();
-    loop {
-        let samples = renderer.next_samples(&budget, Duration::from_secs_f64(seconds()));
-        if samples == 0 || stop.load(Ordering::SeqCst) {
-            return Ok(());
-        }
-        renderer.iterate_unless(samples, if renderer.has_responses() { &never } else { stop })?;
-        let dropped = renderer.dropped();
-        if strict && dropped > 0 {
-            return Err(Failure::NotFinite(dropped));
-        }
-        let (done, seconds) = (renderer.film().samples(), seconds());
-        let fraction = match budget {
-            Budget::Spp(spp) => done as f64 / f64::from(spp),
-            Budget::Seconds(all) => seconds / all,
-        };
-        after(renderer, Step { fraction: fraction.min(1.0), samples: done, seconds });
-    }
+    let seconds = before + started.elapsed().as_secs_f64();
+    Ok((seconds, early_end(end, failure, renderer.device(), renderer.film().iterations() > 0)?))
 }

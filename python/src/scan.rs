@@ -1,9 +1,6 @@
 //! Scans.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -111,8 +108,15 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
 
     let strict = experiment.render.strict.unwrap_or(false);
     let (started, count) = (Instant::now(), scan.laser_points.len());
-    let (ended, failure) = watched(progress, |steps, stop| measure(&mut measurement, count, strict, &steps, stop))?;
-    let interrupt = early_end(ended, failure, &device, measurement.measured() > 0)?;
+    let (end, failure) = watched(progress, |steps, stop| {
+        measurement.run(strict, stop, |measurement| {
+            let fraction = measurement.measured() as f64 / count as f64;
+            let seconds = started.elapsed().as_secs_f64();
+            // `watched` keeps the receiver until this thread ends, so this cannot fail.
+            let _ = steps.send(Step { fraction, samples: measurement.samples(), seconds });
+        })
+    })?;
+    let interrupt = early_end(end, failure, &device, measurement.measured() > 0)?;
     let (measured, samples, is_whole) = (measurement.measured(), measurement.samples(), measurement.is_whole());
     let dropped = measurement.renderer().stats().dropped;
     let film = measurement.into_film();
@@ -133,26 +137,4 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
         warnings.push(format!("{dropped} samples were not finite and count as 0"));
     }
     Ok(Measured { arrays, warnings, interrupt: interrupt.filter(|_| !is_whole) })
-}
-
-/// Measures point after point, until `stop` is true. Points that `stop` interrupts are left out.
-fn measure(
-    measurement: &mut Measurement,
-    count: usize,
-    strict: bool,
-    steps: &Sender<Step>,
-    stop: &Arc<AtomicBool>,
-) -> Result<()> {
-    let started = Instant::now();
-    while !measurement.is_whole() && measurement.step(stop)? {
-        let dropped = measurement.renderer().stats().dropped;
-        if strict && dropped > 0 {
-            return Err(Failure::NotFinite(dropped));
-        }
-        let fraction = measurement.measured() as f64 / count as f64;
-        let seconds = started.elapsed().as_secs_f64();
-        // `watched` keeps the receiver until this thread ends, so this cannot fail.
-        let _ = steps.send(Step { fraction, samples: measurement.samples(), seconds });
-    }
-    Ok(())
 }

@@ -9,8 +9,8 @@ use taugate::internals::image::accumulation::file::{self, Parts, Problem};
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::job::feasible;
-use taugate::internals::render::schedule::{samples_before, samples_in};
+use taugate::internals::job::{feasible, iterations};
+use taugate::internals::render::schedule::{Schedule, samples_before};
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::values::Seconds;
 use taugate::internals::settings::{Budget, MAX_SPP, Settings};
@@ -145,14 +145,7 @@ pub fn accumulate<'py>(
     let (bytes, dropped) = py.detach(|| {
         scene.with_renderer(&flags, |renderer, settings, printed| {
             let started = std::time::Instant::now();
-            for number in begin..end {
-                let left = spp.map_or(u64::MAX, |spp| u64::from(spp).saturating_sub(samples_before(number)));
-                let samples = left.min(samples_in(number).into()) as u32;
-                if samples > 0 {
-                    renderer.go_to(number);
-                    renderer.iterate(samples)?;
-                }
-            }
+            iterations::run(renderer, Schedule::Part { numbers: begin..end, spp })?;
             let description = about(settings, printed, contents)?;
             let about = renderer.about(&description, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());

@@ -1,7 +1,6 @@
 //! `taugate render`: from the command line to the files.
 
 mod errors;
-mod iterations;
 mod outputs;
 mod print;
 mod scan;
@@ -13,7 +12,7 @@ use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use taugate::Error;
 use taugate::internals::error::Result;
@@ -24,9 +23,11 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::iterations::{Abandons, Iterations};
 use taugate::internals::job::ready::Ready;
 use taugate::internals::job::sums::{self, Checkpoint, Earlier, Identity, empty_shard};
 use taugate::internals::job::{feasible, memory};
+use taugate::internals::render::schedule::{Schedule, budget_of};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers, missing_light};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
@@ -38,13 +39,12 @@ use taugate::internals::tev::TevStream;
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::live::Live;
 use super::preparation::Preparation;
-use super::progress::{Before, Progress};
+use super::progress::{Before, Position, Progress};
 use super::report::Report;
 use super::{compiling, pace, strategies};
 use crate::app::cli::RenderArgs;
 pub use errors::NotFinite;
-use errors::{with_saved_results, with_scene_path};
-use iterations::{Done, Iterations};
+use errors::{failure, with_saved_results, with_scene_path};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
 
@@ -238,7 +238,10 @@ impl Session {
         let rendering = Instant::now();
         let (name, responses) = (outputs.name(), settings.responses());
         let mut live = self.tev.as_mut().map(|stream| Live { stream, name, responses });
-        let mut watch = |renderer: &Renderer, seconds: f64, progress: &mut Progress| {
+        let progress = &mut self.progress;
+        let own_budget = budget_of(shard, settings.budget());
+        let watch = |renderer: &Renderer, elapsed: Duration| {
+            let seconds = before.seconds + elapsed.as_secs_f64();
             if let Some(live) = &mut live {
                 live.update(renderer, progress);
             }
@@ -247,11 +250,13 @@ impl Session {
             {
                 progress.line(&format!("warning: {error}; the render goes on, and tries it again later"));
             }
+            progress.update(&Position::of(renderer, elapsed, before), &own_budget);
         };
-        let iterations = Iterations { settings, shard, before, strict, stop };
-        let rendered = iterations.run(renderer, &mut self.progress, &mut watch);
+        let schedule = Schedule::Budget { budget: settings.budget(), shard, before: before.seconds };
+        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::LaterOnes };
+        let rendered = iterations.run(renderer, watch);
         self.progress.finish();
-        let Done { schedule, failure } = rendered?;
+        let failure = failure(rendered?)?;
         if self.is_sequence
             && let Some(failure) = failure
         {
@@ -315,9 +320,10 @@ impl Session {
         if self.is_sequence {
             self.ready = Some(ready);
         } else if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
+            let samples = renderer.film().samples();
             let scene = &ready.into_scene();
             let interrupts = &self.interrupts;
-            let images = strategies::Job { device, scene, settings, schedule: &schedule, interrupts };
+            let images = strategies::Job { device, scene, settings, samples, interrupts };
             images.write(folder, &provenance, &self.progress)?;
         }
         let interrupted = self.interrupts.stop.load(Ordering::Relaxed);

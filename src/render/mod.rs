@@ -5,7 +5,6 @@ mod aimed_points;
 pub mod albedo;
 mod arrival;
 mod black_backs;
-mod budget;
 mod compaction;
 mod coplanar;
 mod device_scene;
@@ -84,6 +83,7 @@ pub use probe::{TravelTimes, probe};
 use responses::ResponseSums;
 pub use samples::MAX_AVERAGE_SAMPLES;
 use samples::{Allocation, SampleCounts};
+use schedule::Following;
 use sensor::SensorPhase;
 use stats::stage;
 pub use stats::{Stage, Stats};
@@ -109,6 +109,8 @@ pub struct Renderer {
     /// The next iteration, and the sample of the random sequences at which it begins.
     next: u32,
     first_sample: u32,
+    /// What comes after the next iteration.
+    following: Following,
     /// Number of non-finite samples that were dropped from the sums that the render continues.
     dropped_before: u64,
 }
@@ -212,6 +214,7 @@ impl Renderer {
             done: Iterations::default(),
             next: 0,
             first_sample: 0,
+            following: Following::Unknown,
             dropped_before: 0,
         })
     }
@@ -335,6 +338,7 @@ impl Renderer {
         self.done.add(self.next);
         self.next += 1;
         self.first_sample += max;
+        self.following = Following::Unknown;
         self.stats.iterations += 1;
     }
 
@@ -390,11 +394,5 @@ impl Renderer {
     #[doc(hidden)]
     pub fn has_response_variance(&self) -> bool {
         self.responses.as_ref().is_some_and(|responses| responses.film().has_variance())
-    }
-
-    /// Size of the scene's device buffers in bytes.
-    #[doc(hidden)]
-    pub fn scene_bytes(&self) -> u64 {
-        self.scene.bytes()
     }
 }

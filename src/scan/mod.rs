@@ -7,15 +7,15 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::sync::atomic::AtomicBool;
 
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
 use crate::gpu::Device;
 use crate::image::scan_file::ScanFilm;
 use crate::image::scan_layers::{Hit, ScanLayers};
 use crate::input::scan_table::Scan;
-use crate::render::schedule::scan_samples;
+use crate::job::iterations::{Abandons, End, Iterations};
+use crate::render::schedule::Schedule;
 use crate::render::{FirstSurface, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids};
 use crate::scene::Scene;
 use crate::settings::aov::Aov;
@@ -162,23 +162,38 @@ impl<'a> Measurement<'a> {
         self.film
     }
 
-    /// Measures the next point of the laser, or the next beams that share a render. Returns false if `stop` became true before; these
-    /// points then stay without a measurement. Fails if the device is lost.
-    pub fn step(&mut self, stop: &Arc<AtomicBool>) -> Result<bool> {
+    /// Measures point after point until `stop` is true, and calls `watch` after each of them. `strict`: also ends if a sample is not
+    /// finite. Points that are interrupted stay without a measurement. An error of the device is [`End::Failed`] if there is a
+    /// measurement.
+    pub fn run(&mut self, strict: bool, stop: &Arc<AtomicBool>, mut watch: impl FnMut(&Self)) -> Result<End> {
+        while !self.is_whole() {
+            match self.step(strict, stop) {
+                Ok(End::Complete) => watch(self),
+                Err(error) if error.kind() == ErrorKind::Device && self.measured > 0 => return Ok(End::Failed(error)),
+                end => return end,
+            }
+        }
+        Ok(End::Complete)
+    }
+
+    /// Measures the next point of the laser, or the next beams that share a render. They stay without a measurement unless the render
+    /// is complete. Fails if the device is lost.
+    fn step(&mut self, strict: bool, stop: &Arc<AtomicBool>) -> Result<End> {
         let count = self.scan.laser_points.len();
         let points = self.measured..(self.measured + self.of.beams.unwrap_or(1)).min(count);
         match self.of.beams {
             Some(beams) => self.turn_beams(points.start..points.start + beams)?,
             None => self.turn(points.start)?,
         }
-        if !self.render(points.len(), stop)? {
-            return Ok(false);
+        let end = self.render(points.len(), strict, stop)?;
+        if !matches!(end, End::Complete) {
+            return Ok(end);
         }
         let pairs = self.scan.sensor_count();
         let first = points.start * pairs;
         self.film.set(first, points.len() * pairs, self.renderer.film(), self.renderer.responses());
         (self.measured, self.samples) = (points.end, self.renderer.film().samples());
-        Ok(true)
+        Ok(end)
     }
 
     /// Turns laser and sensor to point `number` of the laser.
@@ -202,23 +217,17 @@ impl<'a> Measurement<'a> {
         }
     }
 
-    /// Renders `points` points of the laser. Returns false if `stop` ended the render early.
-    fn render(&mut self, points: usize, stop: &Arc<AtomicBool>) -> Result<bool> {
+    /// Renders `points` points of the laser.
+    fn render(&mut self, points: usize, strict: bool, stop: &Arc<AtomicBool>) -> Result<End> {
         let share = points as f64 / self.scan.laser_points.len() as f64;
         let (budget, together) = match self.of.settings.budget() {
             Budget::Seconds(seconds) => (Budget::Seconds(seconds * share), self.renderer.film().width()),
             // The length of the iterations decides the last bits, so it does not depend on how many beams share a render.
             budget => (budget, self.scan.sensor_count() as u32),
         };
-        let started = Instant::now();
-        loop {
-            let samples = scan_samples(&budget, together, self.renderer.film().samples(), started.elapsed());
-            if samples == 0 {
-                return Ok(true);
-            }
-            if stop.load(Ordering::Relaxed) || !self.renderer.iterate_unless(samples, stop)? {
-                return Ok(false);
-            }
-        }
+        // An interrupted point is left out, so its images need not survive.
+        let schedule = Schedule::Scan { budget, points: together };
+        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::All };
+        iterations.run(&mut self.renderer, |_, _| {})?.or_error()
     }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
@@ -18,16 +19,13 @@ use taugate::internals::scan::{Measurement, PreparedScan, scene_at};
 use taugate::internals::settings::Sampling;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::table::OutputTable;
-use taugate::{Error, ErrorKind};
 
 use super::super::interrupts::Interrupt;
 use super::super::preparation::Preparation;
 use super::super::progress::{Before, Position, duration, rays};
 use super::super::report::dropped;
 use super::super::rescue::Rescue;
-use super::{
-    NotFinite, Outcome, Session, check_inputs, check_outputs, load_scene, with_saved_results, with_scene_path,
-};
+use super::{Outcome, Session, check_inputs, check_outputs, failure, load_scene, with_saved_results, with_scene_path};
 
 /// Measures all pairs of points and writes the array.
 pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
@@ -78,28 +76,15 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     session.interrupts.end_the_process_at(Interrupt::Second);
     let strict = experiment.render.strict.unwrap_or(false);
     let count = scan.laser_points.len();
-    let mut failure = None;
     let started = Instant::now();
-    while !measurement.is_whole() {
-        match measurement.step(&session.interrupts.stop) {
-            Ok(true) => {}
-            Ok(false) => break,
-            Err(error) if error.kind() == ErrorKind::Device && measurement.measured() > 0 => {
-                failure = Some(error);
-                break;
-            }
-            Err(error) => return Err(error.into()),
-        }
-        let (measured, stats) = (measurement.measured(), measurement.renderer().stats());
-        if strict && stats.dropped > 0 {
-            return Err(NotFinite { dropped: stats.dropped }.into());
-        }
-        let (samples, rays_so_far) = (measurement.samples(), stats.rays());
-        let position = Position { samples, elapsed: started.elapsed(), rays: rays_so_far, before: Before::default() };
+    let end = measurement.run(strict, &session.interrupts.stop, |measurement| {
+        let measured = measurement.measured();
+        let position = Position::of(measurement.renderer(), started.elapsed(), Before::default());
         session.progress.show(measured as f64 / count as f64, || {
             format!("point {measured} of {count}, {}", rays(position.rays_per_second()))
         });
-    }
+    });
+    let failure = failure(end?)?;
     session.progress.finish();
     let (measured, samples, film) = (measurement.measured(), measurement.samples(), measurement.film());
     if measured == 0 {
