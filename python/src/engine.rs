@@ -1,6 +1,7 @@
 //! Rendering: devices that all renders of the process share, preparation, and iterations that Python can watch and interrupt.
 
 use std::collections::HashMap;
+use std::mem::take;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -12,13 +13,13 @@ use pyo3::prelude::*;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
-use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::Resolved;
 use taugate::internals::job::iterations::{Abandons, End, Iterations};
-use taugate::internals::job::ready::Ready;
-use taugate::internals::job::{feasible, memory};
+use taugate::internals::job::preparation::Preparation;
+use taugate::internals::job::ready::{Ready, Wanted};
+use taugate::internals::job::{Job, memory};
+use taugate::internals::render::Renderer;
 use taugate::internals::render::schedule::Schedule;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light};
-use taugate::internals::scene::Scene;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Budget, Settings};
@@ -54,7 +55,7 @@ pub fn check_process() -> Result<()> {
 }
 
 /// The device of this name. It is opened once, and keeps its compiled kernels.
-pub fn device(name: Option<&str>) -> Result<Device> {
+pub fn device(name: Option<&str>) -> taugate::Result<Device> {
     let mut devices = lock(&DEVICES);
     let devices = devices.get_or_insert_default();
     let key = name.map(String::from);
@@ -73,50 +74,23 @@ pub fn forget_lost() {
     }
 }
 
-/// A render that is ready for its first iteration.
-pub struct Prepared {
-    pub ready: Ready,
-    pub layers: Layers,
-}
-
 /// Makes a renderer, or takes over the renderer of the previous render if only cameras, lights, moving surfaces, gates or the seed
-/// differ. The image has the same bits in both cases.
-pub fn prepare(
-    before: Option<Ready>,
-    scene: Scene,
-    experiment: &Experiment,
-    settings: &Settings,
-    has_variance: bool,
-) -> Result<Prepared> {
+/// differ. The image has the same bits in both cases. Takes the scene of `job`, so that the host does not hold it two times.
+pub fn prepare(before: Option<Ready>, job: &mut Job, has_variance: bool) -> Result<(Ready, Layers)> {
+    let (scene, may_be_dark) = (take(&mut job.scene), job.may_be_dark());
+    let Job { experiment, resolved: Resolved { settings, .. }, .. } = job;
     let aov = experiment.output.aov.unwrap_or_default();
-    let device_name = experiment.render.device.as_deref();
+    let open = || device(experiment.render.device.as_deref());
     // A renderer that this render cannot take over is dropped here, so that two copies of the scene are never on the device.
     let can_follow = |ready: &Ready| aov == Aov::default() && ready.renderer.has_response_variance() == has_variance;
     if let Some(before) = before.filter(can_follow) {
         // The renderer `before` needs its device, so this device is usually open.
-        if let Some(ready) = before.follow(&device(device_name)?, scene.clone(), settings)? {
-            return Ok(Prepared { ready, layers: Layers::default() });
+        if let Some(ready) = before.follow(&open()?, scene.clone(), settings)? {
+            return Ok((ready, Layers::default()));
         }
     }
-    let prepared = PreparedScene::new(&scene, settings)?;
-    let warnings = prepared.scene_warnings(&scene, settings);
-    let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
-    if !may_be_dark(experiment, settings) {
-        feasible::check_gate(&scene, settings, &prepared, device_name)?;
-    }
-    let device = device(device_name)?;
-    MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?.check(device.info())?;
-    // The layers come before the image, so that two copies of the scene are never on the device.
-    let layers = match aov {
-        none if none == Aov::default() => Layers::default(),
-        aov => layers(&device, &scene, settings, &prepared, aov)?,
-    };
-    let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
-    if has_variance {
-        renderer.estimate_response_variance();
-    }
-    let settings = settings.clone();
-    Ok(Prepared { ready: Ready { renderer, scene, settings, prepared: Some(prepared), warnings, missing }, layers })
+    let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance, aov };
+    Ok(Ready::new(scene, settings, &wanted, open, &mut Preparation::new(), &mut |_| {})?)
 }
 
 /// Fails if the images of several gates need more memory than is free. They exist twice at the end: in the renderer, which the next
@@ -142,11 +116,6 @@ pub fn check_memory(before: Option<&Ready>, settings: &Settings, has_variance: b
         "use fewer gates, a smaller resolution, or crop",
     )?;
     Ok(())
-}
-
-/// Whether a black image is accepted without an error.
-pub fn may_be_dark(experiment: &Experiment, settings: &Settings) -> bool {
-    experiment.gate.force.unwrap_or(false) || settings.responses().are_steady()
 }
 
 /// Progress of the iterations so far.

@@ -17,7 +17,6 @@ mod interrupts;
 mod live;
 mod merge;
 mod pace;
-mod preparation;
 mod progress;
 pub mod render;
 mod report;

@@ -15,8 +15,11 @@ use crate::image::scan_file::ScanFilm;
 use crate::image::scan_layers::{Hit, ScanLayers};
 use crate::input::scan_table::Scan;
 use crate::job::iterations::{Abandons, End, Iterations};
+use crate::job::memory::{self, ImageParts};
 use crate::render::schedule::Schedule;
-use crate::render::{FirstSurface, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids};
+use crate::render::{
+    FirstSurface, MemoryPlan, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids,
+};
 use crate::scene::Scene;
 use crate::settings::aov::Aov;
 use crate::settings::{Budget, Settings};
@@ -70,7 +73,7 @@ impl PreparedScan {
     }
 
     /// Fails if a point of the scan must lie on a surface but does not, see [`check_aimed_points`].
-    pub fn check_points(&self, device: &Device, scan: &Scan) -> Result<()> {
+    fn check_points(&self, device: &Device, scan: &Scan) -> Result<()> {
         if scan.accounts_first_and_last {
             return Ok(());
         }
@@ -89,6 +92,13 @@ pub fn scene_at(mut scene: Scene, scan: &Scan, settings: &Settings, number: usiz
     scene
 }
 
+/// Fails if the images or the array of a scan need more memory than is free. `settings`: those of one render per point of the laser.
+pub fn check_memory(scan: &Scan, settings: &Settings, has_variance: bool) -> Result<()> {
+    memory::check(settings, ImageParts { variance: has_variance, exr: false }, memory::free())?;
+    let bytes = ScanFilm::bytes(scan, settings.responses().len(), has_variance);
+    memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")
+}
+
 /// A scan in progress.
 pub struct Measurement<'a> {
     scan: &'a Scan,
@@ -100,8 +110,11 @@ pub struct Measurement<'a> {
 }
 
 impl<'a> Measurement<'a> {
-    /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`].
+    /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`]. Also fails if a point of the scan must lie on a surface
+    /// but does not.
     pub fn new(device: &Device, scan: &'a Scan, of: PreparedScan, has_variance: bool) -> Result<Measurement<'a>> {
+        MemoryPlan::new(&of.scene, &of.settings, &of.prepared, Some(device.info()))?.check(device.info())?;
+        of.check_points(device, scan)?;
         let mut renderer = Renderer::from_prepared(device, &of.scene, &of.settings, &of.prepared)?;
         if has_variance {
             renderer.estimate_response_variance();

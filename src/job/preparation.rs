@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use taugate::internals::render::{Stage, Stats};
+use crate::render::{Stage, Stats};
 
 /// A clock that starts in `new` and records the seconds of each part of the preparation.
 pub struct Preparation {
