@@ -71,7 +71,7 @@ impl Ready {
             none if none == Aov::default() => Layers::default(),
             aov => preparation.timed("auxiliary layers", || layers(&device, &scene, settings, &prepared, aov))?,
         };
-        let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
+        let mut renderer = Renderer::from_memory_plan(&device, plan, &scene, &prepared)?;
         if wanted.has_variance {
             renderer.estimate_response_variance();
         }

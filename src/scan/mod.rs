@@ -113,9 +113,10 @@ impl<'a> Measurement<'a> {
     /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`]. Also fails if a point of the scan must lie on a surface
     /// but does not.
     pub fn new(device: &Device, scan: &'a Scan, of: PreparedScan, has_variance: bool) -> Result<Measurement<'a>> {
-        MemoryPlan::new(&of.scene, &of.settings, &of.prepared, Some(device.info()))?.check(device.info())?;
+        let memory = MemoryPlan::new(&of.scene, &of.settings, &of.prepared, Some(device.info()))?;
+        memory.check(device.info())?;
         of.check_points(device, scan)?;
-        let mut renderer = Renderer::from_prepared(device, &of.scene, &of.settings, &of.prepared)?;
+        let mut renderer = Renderer::from_memory_plan(device, memory, &of.scene, &of.prepared)?;
         if has_variance {
             renderer.estimate_response_variance();
         }
