@@ -5,16 +5,14 @@ use std::path::PathBuf;
 
 use glam::DAffine3;
 use pyo3::prelude::*;
-use taugate::Error;
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::job::ready::Ready;
-use taugate::internals::job::{Job, feasible};
+use taugate::internals::job::{Job, feasible, read};
 use taugate::internals::render::{PreparedScene, probe};
 use taugate::internals::scene::Scene;
-use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::table::InputTable;
 
@@ -44,36 +42,20 @@ impl State {
     /// Reads a scene (.glb, .gltf) or an experiment (.toml). `moves`: names of the nodes that may move.
     pub fn load(path: PathBuf, flags: &[Words], moves: Vec<String>) -> Result<State> {
         engine::check_process()?;
-        let typed = flags::experiment(flags)?;
-        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-        let base = if extension == "toml" {
-            typed.over(Experiment::read(&path)?)
-        } else if extension == "glb" || extension == "gltf" {
-            Experiment { scene: Some(path.clone()), ..typed }
-        } else {
-            let message = "is neither a scene (.glb, .gltf) nor an experiment (.toml)".into();
-            return Err(Error::File { path, message }.into());
-        };
-        if base.scene.is_none() {
-            let message = "names no scene; add a first line like scene = \"room.glb\"".into();
-            return Err(Error::File { path: path.clone(), message }.into());
-        }
+        let base = read::experiment(path, flags::experiment(flags)?)?;
         base.check_paths()?;
         let mut state =
             State { base, scene: Scene::default(), input: None, moves, moved: BTreeMap::new(), ready: None };
-        let input = state.base.input.clone();
-        state.read(&input)?;
+        state.read(&state.base.clone())?;
         Ok(state)
     }
 
-    /// Reads the file, unless it was read in the same way before.
-    fn read(&mut self, input: &InputTable) -> Result<()> {
-        let Some(path) = self.base.scene.clone() else { return Ok(()) };
-        if self.input.as_ref() == Some(input) {
+    /// Reads the scene of `experiment`, if it has a file that was not read in the same way before.
+    fn read(&mut self, experiment: &Experiment) -> Result<()> {
+        if experiment.scene.is_none() || self.input.as_ref() == Some(&experiment.input) {
             return Ok(());
         }
-        let playback = Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() };
-        let mut scene = gltf::load_with(&path, &input.allowed(), playback)?;
+        let mut scene = read::scene(experiment)?;
         if let Some(unknown) = self.moves.iter().find(|name| !scene.instances.iter().any(|i| i.node == **name)) {
             return Err(settings(format!("the scene has no node '{unknown}', so it cannot move; check the name")));
         }
@@ -81,7 +63,7 @@ impl State {
             scene.moving.get_or_insert_default().extend(self.moves.iter().cloned());
         }
         self.scene = scene;
-        self.input = Some(input.clone());
+        self.input = Some(experiment.input.clone());
         Ok(())
     }
 
@@ -95,7 +77,7 @@ impl State {
                 "this experiment is a sequence of frames; render one of them at a time, with at=SECONDS",
             ));
         }
-        self.read(&experiment.input.clone())?;
+        self.read(&experiment)?;
         let mut scene = self.scene.clone();
         move_nodes(&mut scene, &self.moved);
         Ok(Job::new(experiment, scene)?)

@@ -9,13 +9,10 @@ mod sequence;
 use std::collections::HashSet;
 use std::io::IsTerminal;
 use std::mem::take;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::layers::Layers;
@@ -26,11 +23,10 @@ use taugate::internals::job::iterations::{Abandons, Iterations};
 use taugate::internals::job::preparation::Preparation;
 use taugate::internals::job::ready::{Ready, Wanted};
 use taugate::internals::job::sums::{self, Checkpoint, Earlier, Identity, empty_shard};
-use taugate::internals::job::{Job, feasible, memory};
+use taugate::internals::job::{Job, feasible, memory, read};
 use taugate::internals::render::schedule::{Schedule, budget_of};
 use taugate::internals::render::{Renderer, StrategyImages};
 use taugate::internals::scene::Scene;
-use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Sampling, Settings};
@@ -50,7 +46,7 @@ use outputs::check_outputs;
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
     let experiment = match args.input.clone() {
-        Some(input) => read_experiment(input, args.into_experiment())?,
+        Some(input) => read::experiment(input, args.into_experiment())?,
         None => sums::read_experiment(args.into_experiment())?,
     };
     experiment.check_paths()?;
@@ -64,32 +60,12 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if let Some(table) = experiment.scan.clone() {
         return scan::run(&table, experiment, &mut Session::new(quiet)?);
     }
-    let (path, allowed, playback) = source(&experiment);
-    let sequence = Sequence::new(&experiment, || gltf::end_of_animations(path, &allowed, playback.animation))?;
+    let sequence = Sequence::new(&experiment, || read::end_of_animations(&experiment))?;
     let mut session = Session::new(quiet)?;
     match sequence {
         Some(sequence) => sequence::run(sequence, &mut session),
         None => Ok(session.render(experiment)?.code()),
     }
-}
-
-/// Loads the scene of an experiment, in the pose that the experiment selects.
-pub fn load_scene(experiment: &Experiment) -> Result<Scene> {
-    let (path, allowed, playback) = source(experiment);
-    gltf::load_with(path, &allowed, playback)
-}
-
-/// Fails if the scene has no pose at the time that the experiment selects.
-fn check_pose(experiment: &Experiment) -> Result<()> {
-    let (path, allowed, playback) = source(experiment);
-    gltf::check_pose(path, &allowed, playback)
-}
-
-/// The file of the scene, the folders that it may refer to, and the pose (time and animation).
-fn source(experiment: &Experiment) -> (&Path, Vec<PathBuf>, Playback<'_>) {
-    let path = experiment.scene.as_ref().expect("the experiment names a scene");
-    let input = &experiment.input;
-    (path, input.allowed(), Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() })
 }
 
 /// How a render ended.
@@ -155,7 +131,7 @@ impl Session {
 
         // Load the scene and resolve the settings.
         let mut preparation = Preparation::new();
-        let scene = preparation.timed("load scene", || load_scene(&experiment))?;
+        let scene = preparation.timed("load scene", || read::scene(&experiment))?;
         // All frames have the same settings, so a mistake in one frame is one of its scene.
         let of_frame = |error| if self.is_sequence { with_scene_path(error, &scene_path) } else { error };
         let job = Job::new(experiment, scene).map_err(of_frame)?;
@@ -355,24 +331,4 @@ impl Session {
         ready.prepared = ready.prepared.filter(|_| self.is_sequence);
         Ok((ready, layers))
     }
-}
-
-/// The experiment to render, from the file `input` and the flags `typed`. If the input is an experiment file, flags take precedence
-/// over its keys. `scene` is always set.
-pub fn read_experiment(input: PathBuf, mut typed: Experiment) -> Result<Experiment> {
-    let extension = input.extension().unwrap_or_default().to_ascii_lowercase();
-    if extension == "toml" {
-        let experiment = typed.over(Experiment::read(&input)?);
-        if experiment.scene.is_none() {
-            let message = "names no scene; add a first line like scene = \"room.glb\"".into();
-            return Err(Error::File { path: input, message });
-        }
-        return Ok(experiment);
-    }
-    if extension != "glb" && extension != "gltf" {
-        let message = "is neither a scene (.glb, .gltf) nor an experiment (.toml)".into();
-        return Err(Error::File { path: input, message });
-    }
-    typed.scene = Some(input);
-    Ok(typed)
 }

@@ -4,6 +4,7 @@ pub mod feasible;
 pub mod iterations;
 pub mod memory;
 pub mod preparation;
+pub mod read;
 pub mod ready;
 pub mod sums;
 

@@ -11,7 +11,7 @@ use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Resolved};
 use taugate::internals::input::scan_table::ScanTable;
-use taugate::internals::job::{Job, feasible};
+use taugate::internals::job::{Job, feasible, read};
 use taugate::internals::scan::{Measurement, PreparedScan, check_memory, scene_at};
 use taugate::internals::settings::Sampling;
 use taugate::internals::settings::aov::Aov;
@@ -21,7 +21,7 @@ use super::super::interrupts::Interrupt;
 use super::super::progress::{Before, Position, duration, rays};
 use super::super::report::dropped;
 use super::super::rescue::Rescue;
-use super::{Outcome, Session, check_inputs, check_outputs, failure, load_scene, with_saved_results, with_scene_path};
+use super::{Outcome, Session, check_inputs, check_outputs, failure, with_saved_results, with_scene_path};
 
 /// Measures all pairs of points and writes the array.
 pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
@@ -34,7 +34,7 @@ pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> 
     check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
 
     // Load the scene and resolve the settings.
-    let scene = load_scene(&experiment)?;
+    let scene = read::scene(&experiment)?;
     let mut job = Job::new(experiment, scene)?;
     job.resolved.settings = job.resolved.settings.change().sampling(Sampling::Uniform).build()?;
     let printed = job.config().to_toml();

@@ -7,11 +7,10 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::{named, resolve, scenery};
-use taugate::internals::job::memory;
+use taugate::internals::job::{memory, read};
 use taugate::internals::scene::{Camera, Light, Material, Medium, Scene, SkyImage};
 use taugate::internals::settings::Settings;
 
-use super::super::render;
 use super::message::Change;
 
 /// The settings that a page may change. None of them names a file.
@@ -143,7 +142,7 @@ pub struct Stage {
 impl Stage {
     /// Loads the scene of an experiment.
     pub fn new(start: Experiment) -> anyhow::Result<Stage> {
-        let mut scene = render::load_scene(&start)?;
+        let mut scene = read::scene(&start)?;
         let original = Changeable::of(&scene);
         let free = memory::free();
         let view = apply(start.clone(), &mut scene, free)?;
