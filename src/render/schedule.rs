@@ -171,7 +171,7 @@ impl Schedule {
         self.next(after, 0.0).map_or(Following::Nothing, Following::Iteration)
     }
 
-    /// Whether its iterations need not begin where the ones before end.
+    /// Whether iterations may be left out between two of its own.
     pub fn has_gaps(&self) -> bool {
         match self {
             Schedule::Budget { shard, .. } => !shard.is_all(),
