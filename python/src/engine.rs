@@ -90,7 +90,7 @@ pub fn prepare(before: Option<Ready>, job: &mut Job, has_variance: bool) -> Resu
         }
     }
     let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance, aov };
-    Ok(Ready::new(scene, settings, &wanted, open, &mut Preparation::new(), &mut |_| {})?)
+    Ok(Ready::new(scene, settings, &wanted, open, &mut Preparation::start(), &mut |_| {})?)
 }
 
 /// Fails if the images of several gates need more memory than is free. They exist twice at the end: in the renderer, which the next

@@ -130,7 +130,7 @@ impl Session {
         self.interrupts.end_the_process_at(Interrupt::First);
 
         // Load the scene and resolve the settings.
-        let mut preparation = Preparation::new();
+        let mut preparation = Preparation::start();
         let scene = preparation.timed("load scene", || read::scene(&experiment))?;
         // All frames have the same settings, so a mistake in one frame is one of its scene.
         let of_frame = |error| if self.is_sequence { with_scene_path(error, &scene_path) } else { error };

@@ -47,7 +47,7 @@ impl Finished<'_> {
             seconds: self.seconds,
             before: Before::default(),
             layers: &Layers::default(),
-            preparation: &Preparation::new(),
+            preparation: &Preparation::start(),
             warnings: &view.warnings,
             // The page shows all warnings.
             gate_warning: None,
