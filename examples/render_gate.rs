@@ -26,6 +26,7 @@ pub fn render(out: &Path) -> taugate::Result<f64> {
 }
 
 fn main() -> taugate::Result<()> {
-    println!("mean radiance: {:.3e}", render(Path::new("gate.exr"))?);
+    let out = std::env::temp_dir().join("gate.exr");
+    println!("{}: mean radiance {:.3e}", out.display(), render(&out)?);
     Ok(())
 }

@@ -6,7 +6,7 @@
 //! `taugate render` does. [`write_exr`] writes the images, and [`compare`] measures the error against a reference. A complete
 //! program, `examples/render_gate.rs`:
 //!
-//! ```no_run
+//! ```
 #![doc = include_str!("../examples/render_gate.rs")]
 //! ```
 //!
@@ -40,6 +40,8 @@ mod gpu;
 mod image;
 #[allow(missing_docs)]
 mod input;
+#[allow(missing_docs)]
+mod job;
 #[allow(missing_docs)]
 mod lightcone;
 #[allow(missing_docs)]
@@ -94,6 +96,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, free_memory, generate, gpu, image, input, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, job, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
     }
 }

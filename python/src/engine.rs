@@ -1,6 +1,7 @@
 //! Rendering: devices that all renders of the process share, preparation, and iterations that Python can watch and interrupt.
 
 use std::collections::HashMap;
+use std::mem::take;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -12,16 +13,19 @@ use pyo3::prelude::*;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
-use taugate::internals::input::experiment::Experiment;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light};
-use taugate::internals::scene::Scene;
+use taugate::internals::input::resolve::Resolved;
+use taugate::internals::job::iterations::{Abandons, End, Iterations};
+use taugate::internals::job::preparation::Preparation;
+use taugate::internals::job::ready::{Ready, Wanted};
+use taugate::internals::job::{Job, memory};
+use taugate::internals::render::Renderer;
+use taugate::internals::render::schedule::Schedule;
 use taugate::internals::settings::aov::Aov;
+use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Budget, Settings};
 use taugate::internals::threads::{spawn_scoped, start_pool};
 
 use crate::errors::{Failure, Result};
-use crate::shared::ready::Ready;
-use crate::shared::{feasible, memory};
 
 /// How long the calling thread waits for a step before it asks Python for interrupts. Python reports them only in the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -51,7 +55,7 @@ pub fn check_process() -> Result<()> {
 }
 
 /// The device of this name. It is opened once, and keeps its compiled kernels.
-pub fn device(name: Option<&str>) -> Result<Device> {
+pub fn device(name: Option<&str>) -> taugate::Result<Device> {
     let mut devices = lock(&DEVICES);
     let devices = devices.get_or_insert_default();
     let key = name.map(String::from);
@@ -70,50 +74,23 @@ pub fn forget_lost() {
     }
 }
 
-/// A render that is ready for its first iteration.
-pub struct Prepared {
-    pub ready: Ready,
-    pub layers: Layers,
-}
-
 /// Makes a renderer, or takes over the renderer of the previous render if only cameras, lights, moving surfaces, gates or the seed
-/// differ. The image has the same bits in both cases.
-pub fn prepare(
-    before: Option<Ready>,
-    scene: Scene,
-    experiment: &Experiment,
-    settings: &Settings,
-    has_variance: bool,
-) -> Result<Prepared> {
+/// differ. The image has the same bits in both cases. Takes the scene of `job`, so that the host does not hold it two times.
+pub fn prepare(before: Option<Ready>, job: &mut Job, has_variance: bool) -> Result<(Ready, Layers)> {
+    let (scene, may_be_dark) = (take(&mut job.scene), job.may_be_dark());
+    let Job { experiment, resolved: Resolved { settings, .. }, .. } = job;
     let aov = experiment.output.aov.unwrap_or_default();
-    let device_name = experiment.render.device.as_deref();
+    let open = || device(experiment.render.device.as_deref());
     // A renderer that this render cannot take over is dropped here, so that two copies of the scene are never on the device.
     let can_follow = |ready: &Ready| aov == Aov::default() && ready.renderer.has_response_variance() == has_variance;
     if let Some(before) = before.filter(can_follow) {
         // The renderer `before` needs its device, so this device is usually open.
-        if let Some(ready) = before.follow(&device(device_name)?, scene.clone(), settings)? {
-            return Ok(Prepared { ready, layers: Layers::default() });
+        if let Some(ready) = before.follow(&open()?, scene.clone(), settings)? {
+            return Ok((ready, Layers::default()));
         }
     }
-    let prepared = PreparedScene::new(&scene, settings)?;
-    let warnings = prepared.scene_warnings(&scene, settings);
-    let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
-    if !may_be_dark(experiment, settings) {
-        feasible::check_gate(&scene, settings, &prepared, device_name)?;
-    }
-    let device = device(device_name)?;
-    MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?.check(device.info())?;
-    // The layers come before the image, so that two copies of the scene are never on the device.
-    let layers = match aov {
-        none if none == Aov::default() => Layers::default(),
-        aov => layers(&device, &scene, settings, &prepared, aov)?,
-    };
-    let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
-    if has_variance {
-        renderer.estimate_response_variance();
-    }
-    let settings = settings.clone();
-    Ok(Prepared { ready: Ready { renderer, scene, settings, prepared: Some(prepared), warnings, missing }, layers })
+    let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance, aov };
+    Ok(Ready::new(scene, settings, &wanted, open, &mut Preparation::start(), &mut |_| {})?)
 }
 
 /// Fails if the images of several gates need more memory than is free. They exist twice at the end: in the renderer, which the next
@@ -139,11 +116,6 @@ pub fn check_memory(before: Option<&Ready>, settings: &Settings, has_variance: b
         "use fewer gates, a smaller resolution, or crop",
     )?;
     Ok(())
-}
-
-/// Whether a black image is accepted without an error.
-pub fn may_be_dark(experiment: &Experiment, settings: &Settings) -> bool {
-    experiment.gate.force.unwrap_or(false) || settings.responses().are_steady()
 }
 
 /// Progress of the iterations so far.
@@ -203,16 +175,17 @@ pub fn is_interrupt(error: &PyErr) -> bool {
 /// The exception that ended the work of [`watched`] early but keeps the result so far: an interrupt, or the loss of the device. All other
 /// failures, and a loss before there was a result, are errors.
 pub fn early_end(
-    ended: Result<()>,
+    end: taugate::Result<End>,
     failure: Option<PyErr>,
     device: &Device,
     has_result: bool,
 ) -> Result<Option<PyErr>> {
-    match (ended, failure) {
-        (Err(loss), _) if device.is_lost() && has_result => Ok(Some(loss.into())),
-        (Err(error), _) => Err(error),
-        (Ok(()), Some(error)) if !is_interrupt(&error) => Err(error.into()),
-        (Ok(()), interrupt) => Ok(interrupt),
+    match (end.and_then(End::or_error), failure) {
+        (Err(loss), _) if device.is_lost() && has_result => Ok(Some(Failure::from(loss).into())),
+        (Err(error), _) => Err(error.into()),
+        (Ok(End::NotFinite(dropped)), _) => Err(Failure::NotFinite(dropped)),
+        (Ok(_), Some(error)) if !is_interrupt(&error) => Err(error.into()),
+        (Ok(_), interrupt) => Ok(interrupt),
     }
 }
 
@@ -227,44 +200,21 @@ pub fn iterate(
     mut after: impl FnMut(&Renderer, f64) + Send,
 ) -> Result<(f64, Option<PyErr>)> {
     let started = Instant::now();
-    let seconds = || before + started.elapsed().as_secs_f64();
-    let (ended, failure) = watched(progress, |steps, stop| {
-        add(renderer, settings, strict, stop, &seconds, |renderer, step| {
-            after(renderer, step.seconds);
+    let budget = settings.budget();
+    let (end, failure) = watched(progress, |steps, stop| {
+        let schedule = Schedule::Budget { budget, shard: Shard::ALL, before };
+        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::SafeOnes };
+        iterations.run(renderer, |renderer, elapsed| {
+            let (samples, seconds) = (renderer.film().samples(), before + elapsed.as_secs_f64());
+            after(renderer, seconds);
+            let fraction = match budget {
+                Budget::Spp(spp) => samples as f64 / f64::from(spp),
+                Budget::Seconds(all) => seconds / all,
+            };
             // `watched` keeps the receiver until this thread ends, so this cannot fail.
-            let _ = steps.send(step);
+            let _ = steps.send(Step { fraction: fraction.min(1.0), samples, seconds });
         })
     })?;
-    let end = early_end(ended, failure, renderer.device(), renderer.film().iterations() > 0)?;
-    Ok((seconds(), end))
-}
-
-fn add(
-    renderer: &mut Renderer,
-    settings: &Settings,
-    strict: bool,
-    stop: &Arc<AtomicBool>,
-    seconds: &impl Fn() -> f64,
-    mut after: impl FnMut(&Renderer, Step),
-) -> Result<()> {
-    let budget = settings.budget();
-    // An abandoned iteration may clear the images of responses, so such a render finishes its iteration.
-    let never = Arc::default();
-    loop {
-        let samples = renderer.next_samples(&budget, Duration::from_secs_f64(seconds()));
-        if samples == 0 || stop.load(Ordering::SeqCst) {
-            return Ok(());
-        }
-        renderer.iterate_unless(samples, if renderer.has_responses() { &never } else { stop })?;
-        let dropped = renderer.dropped();
-        if strict && dropped > 0 {
-            return Err(Failure::NotFinite(dropped));
-        }
-        let (done, seconds) = (renderer.film().samples(), seconds());
-        let fraction = match budget {
-            Budget::Spp(spp) => done as f64 / f64::from(spp),
-            Budget::Seconds(all) => seconds / all,
-        };
-        after(renderer, Step { fraction: fraction.min(1.0), samples: done, seconds });
-    }
+    let seconds = before + started.elapsed().as_secs_f64();
+    Ok((seconds, early_end(end, failure, renderer.device(), renderer.film().iterations() > 0)?))
 }

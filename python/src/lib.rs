@@ -10,7 +10,6 @@ mod image;
 mod resume;
 mod scan;
 mod scene;
-mod shared;
 mod state;
 mod sums;
 

@@ -5,13 +5,13 @@ use std::mem::take;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve;
+use taugate::internals::job::sums::{Checkpoint, Earlier, Identity};
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::table::OutputTable;
 use taugate::internals::settings::{Sampling, Settings};
 
 use crate::errors::{Result, settings as mistake};
-use crate::shared::sums::{Checkpoint, Earlier, Identity};
 
 /// The files with sums of a render. Without such files it does nothing.
 #[derive(Default)]

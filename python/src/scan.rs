@@ -1,9 +1,6 @@
 //! Scans.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -11,9 +8,9 @@ use pyo3::prelude::*;
 use serde_json::Value;
 use taugate::internals::image::array_set::{self, ArraySet, Role};
 use taugate::internals::image::exr_file::Provenance;
-use taugate::internals::image::scan_file::{ScanArrays, ScanFilm};
-use taugate::internals::render::MemoryPlan;
-use taugate::internals::scan::{Measurement, PreparedScan, scene_at};
+use taugate::internals::image::scan_file::ScanArrays;
+use taugate::internals::job::{Job, feasible};
+use taugate::internals::scan::{Measurement, PreparedScan, check_memory, scene_at};
 use taugate::internals::settings::Sampling;
 
 use crate::engine::{self, Step, early_end, watched};
@@ -21,8 +18,6 @@ use crate::errors::{Failure, Result, settings as mistake, shown};
 use crate::flags::Words;
 use crate::image::array;
 use crate::scene::NativeScene;
-use crate::shared::{feasible, memory};
-use crate::state::Job;
 
 /// The array of a scan, its description as JSON, and, with the setting `variance`, its variances.
 type Arrays<'py> = (Bound<'py, PyAny>, String, Option<Bound<'py, PyAny>>);
@@ -86,7 +81,7 @@ struct Measured {
 }
 
 fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
-    let Job { experiment, scene, resolved, printed, .. } = job;
+    let Job { experiment, scene, resolved, .. } = job;
     let Some(table) = &experiment.scan else {
         return Err(mistake("this is no scan; load an experiment (.toml) with a table [scan]"));
     };
@@ -98,21 +93,24 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let scan = table.scan().map_err(mistake)?;
     let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
     let has_variance = experiment.output.variance.unwrap_or(false);
-    memory::check(&settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
-    let bytes = ScanFilm::bytes(&scan, settings.responses().len(), has_variance);
-    memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")?;
+    check_memory(&scan, &settings, has_variance)?;
 
     let ready = PreparedScan::new(&scan, scene.clone(), &settings)?;
     let (of_scene, darkest) = ready.warnings(&scan, &settings);
     let device = engine::device(experiment.render.device.as_deref())?;
-    MemoryPlan::new(&ready.scene, &ready.settings, &ready.prepared, Some(device.info()))?.check(device.info())?;
-    ready.check_points(&device, &scan)?;
     let mut measurement = Measurement::new(&device, &scan, ready, has_variance)?;
 
     let strict = experiment.render.strict.unwrap_or(false);
     let (started, count) = (Instant::now(), scan.laser_points.len());
-    let (ended, failure) = watched(progress, |steps, stop| measure(&mut measurement, count, strict, &steps, stop))?;
-    let interrupt = early_end(ended, failure, &device, measurement.measured() > 0)?;
+    let (end, failure) = watched(progress, |steps, stop| {
+        measurement.run(strict, stop, |measurement| {
+            let fraction = measurement.measured() as f64 / count as f64;
+            let seconds = started.elapsed().as_secs_f64();
+            // `watched` keeps the receiver until this thread ends, so this cannot fail.
+            let _ = steps.send(Step { fraction, samples: measurement.samples(), seconds });
+        })
+    })?;
+    let interrupt = early_end(end, failure, &device, measurement.measured() > 0)?;
     let (measured, samples, is_whole) = (measurement.measured(), measurement.samples(), measurement.is_whole());
     let dropped = measurement.renderer().stats().dropped;
     let film = measurement.into_film();
@@ -122,37 +120,15 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     }
     let mut arrays = None;
     if measured > 0 {
-        let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed.clone());
+        let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), job.config().to_toml());
         let description = film.description(table, &scan, measured, samples, None, &provenance);
         let description = serde_json::to_string_pretty(&description)
             .map_err(|e| mistake(format!("the scan cannot be described: {e}")))?;
         arrays = Some((film.into_arrays(&scan), description));
     }
-    let mut warnings = [&scene.warnings[..], &resolved.warnings, &of_scene].concat();
+    let mut warnings = [job.warnings(), of_scene].concat();
     if dropped > 0 {
         warnings.push(format!("{dropped} samples were not finite and count as 0"));
     }
     Ok(Measured { arrays, warnings, interrupt: interrupt.filter(|_| !is_whole) })
-}
-
-/// Measures point after point, until `stop` is true. Points that `stop` interrupts are left out.
-fn measure(
-    measurement: &mut Measurement,
-    count: usize,
-    strict: bool,
-    steps: &Sender<Step>,
-    stop: &Arc<AtomicBool>,
-) -> Result<()> {
-    let started = Instant::now();
-    while !measurement.is_whole() && measurement.step(stop)? {
-        let dropped = measurement.renderer().stats().dropped;
-        if strict && dropped > 0 {
-            return Err(Failure::NotFinite(dropped));
-        }
-        let fraction = measurement.measured() as f64 / count as f64;
-        let seconds = started.elapsed().as_secs_f64();
-        // `watched` keeps the receiver until this thread ends, so this cannot fail.
-        let _ = steps.send(Step { fraction, samples: measurement.samples(), seconds });
-    }
-    Ok(())
 }

@@ -12,18 +12,18 @@ use pyo3::types::PyDict;
 use taugate::internals::image::fingerprint;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::emitting_nodes;
+use taugate::internals::job::{Job, memory};
 use taugate::internals::render::{Renderer, object_ids};
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::Settings;
 
 use crate::arrays::{MediumSpec, Mesh, Objects, parsed, transform};
 use crate::camera::View;
-use crate::engine::{self, Prepared, lock};
+use crate::engine::{self, lock};
 use crate::errors::{Failure, Result, settings, shown};
 use crate::flags::{self, Words};
 use crate::image::Image;
-use crate::shared::memory;
-use crate::state::{Job, State, arrivals};
+use crate::state::{State, arrivals};
 
 /// A scene, see the class of the same name in Python.
 #[pyclass(frozen, module = "taugate._native")]
@@ -123,7 +123,7 @@ impl NativeScene {
         dict.set_item("media", scene.media.len())?;
         dict.set_item("resolution", job.resolved.settings.resolution())?;
         dict.set_item("notes", shown(&job.notes))?;
-        dict.set_item("warnings", shown(&[&scene.warnings[..], &job.resolved.warnings].concat()))?;
+        dict.set_item("warnings", shown(&job.warnings()))?;
         if let Some((percentiles, gate)) = times {
             dict.set_item("arrival", percentiles.map(|all| all.to_vec()))?;
             dict.set_item("suggested_gate", gate)?;
@@ -133,7 +133,7 @@ impl NativeScene {
 
     /// The settings of a render as TOML, with all defaults.
     fn settings(&self, py: Python<'_>, flags: Vec<Words>) -> PyResult<String> {
-        Ok(py.detach(|| self.state()?.job(&flags).map(|job| job.printed))?)
+        Ok(py.detach(|| self.state()?.job(&flags).map(|job| job.config().to_toml()))?)
     }
 
     /// The camera of a render.
@@ -214,25 +214,23 @@ impl NativeScene {
         Ok(())
     }
 
-    /// Calls `work` with a renderer without iterations, its settings, and the experiment as TOML.
+    /// Calls `work` with a renderer without iterations, its settings, and the experiment with all defaults.
     pub fn with_renderer<T>(
         &self,
         flags: &[Words],
-        work: impl FnOnce(&mut Renderer, &Settings, &str) -> Result<T>,
+        work: impl FnOnce(&mut Renderer, &Settings, Experiment) -> Result<T>,
     ) -> Result<T> {
         let mut state = self.state()?;
-        let Job { experiment, scene, resolved, printed, .. } = state.job(flags)?;
-        let settings = &resolved.settings;
-        let has_variance = settings.responses().len() > 1 && experiment.output.variance.unwrap_or(false);
+        let mut job = state.job(flags)?;
+        let (config, settings) = (job.config(), &job.resolved.settings.clone());
+        let has_variance = settings.responses().len() > 1 && job.experiment.output.variance.unwrap_or(false);
         memory::check(settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
         let before = state.ready.take();
-        let result = engine::prepare(before, scene, &experiment, settings, has_variance).and_then(
-            |Prepared { mut ready, .. }| {
-                let result = work(&mut ready.renderer, settings, &printed)?;
-                state.ready = Some(ready);
-                Ok(result)
-            },
-        );
+        let result = engine::prepare(before, &mut job, has_variance).and_then(|(mut ready, _)| {
+            let result = work(&mut ready.renderer, settings, config)?;
+            state.ready = Some(ready);
+            Ok(result)
+        });
         engine::forget_lost();
         result
     }

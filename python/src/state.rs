@@ -5,28 +5,23 @@ use std::path::PathBuf;
 
 use glam::DAffine3;
 use pyo3::prelude::*;
-use taugate::Error;
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::input::resolve::{self, Resolved};
-use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::ready::Ready;
+use taugate::internals::job::{Job, feasible, read};
 use taugate::internals::render::{PreparedScene, probe};
 use taugate::internals::scene::Scene;
-use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::table::InputTable;
 
 use crate::camera::View;
-use crate::engine::{self, Prepared};
-use crate::errors::{Failure, Result, settings};
+use crate::engine;
+use crate::errors::{Result, settings};
 use crate::flags::{self, Words};
 use crate::image::Image;
 use crate::resume::SumFiles;
-use crate::shared::feasible;
-use crate::shared::ready::Ready;
-use crate::sums;
 
 /// What a scene of Python holds.
 pub struct State {
@@ -43,50 +38,24 @@ pub struct State {
     pub ready: Option<Ready>,
 }
 
-/// A render with all settings resolved.
-pub struct Job {
-    pub experiment: Experiment,
-    pub scene: Scene,
-    pub resolved: Resolved,
-    pub notes: Vec<String>,
-    /// The experiment with all defaults, as TOML.
-    pub printed: String,
-}
-
 impl State {
     /// Reads a scene (.glb, .gltf) or an experiment (.toml). `moves`: names of the nodes that may move.
     pub fn load(path: PathBuf, flags: &[Words], moves: Vec<String>) -> Result<State> {
         engine::check_process()?;
-        let typed = flags::experiment(flags)?;
-        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-        let base = if extension == "toml" {
-            typed.over(Experiment::read(&path)?)
-        } else if extension == "glb" || extension == "gltf" {
-            Experiment { scene: Some(path.clone()), ..typed }
-        } else {
-            let message = "is neither a scene (.glb, .gltf) nor an experiment (.toml)".into();
-            return Err(Error::File { path, message }.into());
-        };
-        if base.scene.is_none() {
-            let message = "names no scene; add a first line like scene = \"room.glb\"".into();
-            return Err(Error::File { path: path.clone(), message }.into());
-        }
+        let base = read::experiment(path, flags::experiment(flags)?)?;
         base.check_paths()?;
         let mut state =
             State { base, scene: Scene::default(), input: None, moves, moved: BTreeMap::new(), ready: None };
-        let input = state.base.input.clone();
-        state.read(&input)?;
+        state.read(&state.base.clone())?;
         Ok(state)
     }
 
-    /// Reads the file, unless it was read in the same way before.
-    fn read(&mut self, input: &InputTable) -> Result<()> {
-        let Some(path) = self.base.scene.clone() else { return Ok(()) };
-        if self.input.as_ref() == Some(input) {
+    /// Reads the scene of `experiment`, if it has a file that was not read in the same way before.
+    fn read(&mut self, experiment: &Experiment) -> Result<()> {
+        if experiment.scene.is_none() || self.input.as_ref() == Some(&experiment.input) {
             return Ok(());
         }
-        let playback = Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() };
-        let mut scene = gltf::load_with(&path, &input.allowed(), playback)?;
+        let mut scene = read::scene(experiment)?;
         if let Some(unknown) = self.moves.iter().find(|name| !scene.instances.iter().any(|i| i.node == **name)) {
             return Err(settings(format!("the scene has no node '{unknown}', so it cannot move; check the name")));
         }
@@ -94,28 +63,24 @@ impl State {
             scene.moving.get_or_insert_default().extend(self.moves.iter().cloned());
         }
         self.scene = scene;
-        self.input = Some(input.clone());
+        self.input = Some(experiment.input.clone());
         Ok(())
     }
 
     /// The render with these flags, with all settings resolved.
     pub fn job(&mut self, flags: &[Words]) -> Result<Job> {
         engine::check_process()?;
-        let mut experiment = flags::experiment(flags)?.over(self.base.clone());
+        let experiment = flags::experiment(flags)?.over(self.base.clone());
         experiment.check_paths()?;
         if Sequence::new(&experiment, || Ok(Some(0.0)))?.is_some() {
             return Err(settings(
                 "this experiment is a sequence of frames; render one of them at a time, with at=SECONDS",
             ));
         }
-        self.read(&experiment.input.clone())?;
+        self.read(&experiment)?;
         let mut scene = self.scene.clone();
         move_nodes(&mut scene, &self.moved);
-        let notes = scenery::apply(&mut experiment, &mut scene)?;
-        let resolved = resolve::resolve(&experiment, &scene)?;
-        let config = resolve::as_experiment(&experiment, &resolved.settings, &scene);
-        let printed = Experiment { output: Default::default(), ..config }.to_toml();
-        Ok(Job { experiment, scene, resolved, notes, printed })
+        Ok(Job::new(experiment, scene)?)
     }
 
     /// Renders an image, or with `single` unset a histogram. Returns the exception that ended it early if the image so far is kept.
@@ -125,8 +90,9 @@ impl State {
         single: bool,
         progress: Option<&Py<PyAny>>,
     ) -> Result<(Image, Option<PyErr>)> {
-        let Job { experiment, scene, resolved, mut notes, printed } = self.job(flags)?;
-        let settings = &resolved.settings;
+        let mut job = self.job(flags)?;
+        let (config, mut warnings, mut notes) = (job.config(), job.warnings(), job.notes.clone());
+        let (experiment, settings) = (job.experiment.clone(), &job.resolved.settings.clone());
         let count = settings.responses().len();
         if experiment.scan.is_some() {
             return Err(crate::errors::settings("this experiment is a scan; measure it with taugate.scan"));
@@ -144,11 +110,9 @@ impl State {
         // The files of sums are those of the call: an experiment file names outputs of the program.
         let wanted = flags::experiment(flags)?.output;
         let is_in_files = experiment.scene.is_some() && self.moved.is_empty();
-        let in_files = if is_in_files { Some(sums::parsed(&printed)?) } else { None };
+        let in_files = is_in_files.then(|| config.clone());
         let mut sum_files = SumFiles::new(&wanted, in_files, settings, has_variance)?;
-        let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
-        let prepared = engine::prepare(self.ready.take(), scene, &experiment, settings, has_variance);
-        let Prepared { mut ready, mut layers } = prepared.map_err(|failure| self.of_file(failure))?;
+        let (mut ready, mut layers) = engine::prepare(self.ready.take(), &mut job, has_variance)?;
         warnings.extend(ready.warnings.iter().chain(&ready.missing).cloned());
         notes.extend(sum_files.resume(&mut ready.renderer, &mut layers, settings)?);
         let strict = experiment.render.strict.unwrap_or(false);
@@ -158,12 +122,12 @@ impl State {
                 sum_files.update(renderer, &layers, seconds);
             })?;
         warnings.extend(sum_files.finish(&ready.renderer, &layers, seconds));
-        if ready.renderer.is_black() && interrupt.is_none() && !engine::may_be_dark(&experiment, settings) {
+        if ready.renderer.is_black() && interrupt.is_none() && !job.may_be_dark() {
             let device = engine::device(experiment.render.device.as_deref())?;
             return Err(feasible::nothing_inside(&device, &ready.scene, settings).into());
         }
         let renderer = &ready.renderer;
-        let about = About::new(settings, printed, &[], String::new(), Shard::ALL);
+        let about = About::new(settings, config.to_toml(), &[], String::new(), Shard::ALL);
         let sums = Accumulation {
             about: renderer.about(&about, seconds),
             film: renderer.film().clone(),
@@ -175,17 +139,6 @@ impl State {
         let image = Image { sums, responses: settings.responses().clone(), layers, view, notes, warnings, dropped };
         self.ready = Some(ready).filter(|ready| !ready.renderer.device().is_lost());
         Ok((image, interrupt))
-    }
-
-    /// Adds the scene's file to an error of the settings, because the scene may be the cause.
-    fn of_file(&self, failure: Failure) -> Failure {
-        use Failure::Library;
-        match (failure, &self.base.scene) {
-            (Library(Error::Settings(message)), Some(path)) if !message.contains("--force") => {
-                Library(Error::Scene { path: path.clone(), message })
-            }
-            (other, _) => other,
-        }
     }
 }
 

@@ -9,7 +9,8 @@ use taugate::internals::image::accumulation::file::{self, Parts, Problem};
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::render::schedule::{samples_before, samples_in};
+use taugate::internals::job::{feasible, iterations};
+use taugate::internals::render::schedule::{Schedule, samples_before};
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::values::Seconds;
 use taugate::internals::settings::{Budget, MAX_SPP, Settings};
@@ -20,8 +21,6 @@ use crate::errors::{Failure, Result, settings};
 use crate::flags::Words;
 use crate::image::Image;
 use crate::scene::NativeScene;
-use crate::shared::feasible;
-use crate::state::Job;
 
 /// The sums of some iterations of a render.
 #[pyclass(frozen, module = "taugate._native")]
@@ -143,17 +142,10 @@ pub fn accumulate<'py>(
     spp: Option<u32>,
 ) -> PyResult<(Bound<'py, PyBytes>, u64)> {
     let (bytes, dropped) = py.detach(|| {
-        scene.with_renderer(&flags, |renderer, settings, printed| {
+        scene.with_renderer(&flags, |renderer, settings, config| {
             let started = std::time::Instant::now();
-            for number in begin..end {
-                let left = spp.map_or(u64::MAX, |spp| u64::from(spp).saturating_sub(samples_before(number)));
-                let samples = left.min(samples_in(number).into()) as u32;
-                if samples > 0 {
-                    renderer.go_to(number);
-                    renderer.iterate(samples)?;
-                }
-            }
-            let description = about(settings, printed, contents)?;
+            iterations::run(renderer, Schedule::Part { numbers: begin..end, spp })?;
+            let description = about(settings, config, contents)?;
             let about = renderer.about(&description, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());
             // Each part adapts by itself, so no other part needs the state of its adaptive sampling.
@@ -168,12 +160,12 @@ pub fn accumulate<'py>(
 #[pyfunction]
 pub fn refuse_black(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>) -> PyResult<()> {
     let checked = py.detach(|| {
-        let Job { experiment, scene, resolved, .. } = scene.job(&flags)?;
-        if engine::may_be_dark(&experiment, &resolved.settings) {
+        let job = scene.job(&flags)?;
+        if job.may_be_dark() {
             return Ok(());
         }
-        let device = engine::device(experiment.render.device.as_deref())?;
-        Err(feasible::nothing_inside(&device, &scene, &resolved.settings).into())
+        let device = engine::device(job.experiment.render.device.as_deref())?;
+        Err(feasible::nothing_inside(&device, &job.scene, &job.resolved.settings).into())
     });
     checked.map_err(|failure: Failure| failure.into())
 }
@@ -193,16 +185,18 @@ pub fn image_of_sums(
         let settings = &job.resolved.settings;
         let mut sums = lock(&sums.0).clone();
         // The sums name the files by their paths on a worker. These are replaced by the paths on this machine.
-        let printed = with_samples(&job.printed, sums.film.samples())?;
-        let About { settings: printed, files, .. } = about(settings, &printed, String::new())?;
+        let mut config = job.config();
+        let samples = sums.film.samples().clamp(1, MAX_SPP.into());
+        (config.render.spp, config.render.time) = (Some(samples as u32), None);
+        let About { settings: printed, files, .. } = about(settings, config, String::new())?;
         (sums.about.settings, sums.about.files) = (printed, files);
         Result::Ok(Image {
             sums,
             responses: settings.responses().clone(),
             layers: Layers::default(),
             view: View::of(&job.scene, settings)?,
+            warnings: job.warnings(),
             notes: job.notes,
-            warnings: [&job.scene.warnings[..], &job.resolved.warnings].concat(),
             dropped,
         })
     });
@@ -226,18 +220,6 @@ pub fn samples_before_iteration(number: u32) -> u64 {
     samples_before(number)
 }
 
-/// The experiment `printed` (TOML) with this number of samples per pixel.
-fn with_samples(printed: &str, samples: u64) -> Result<String> {
-    let mut experiment = parsed(printed)?;
-    (experiment.render.spp, experiment.render.time) = (Some(samples.clamp(1, MAX_SPP.into()) as u32), None);
-    Ok(experiment.to_toml())
-}
-
-/// The experiment of a TOML text.
-pub fn parsed(printed: &str) -> Result<Experiment> {
-    Experiment::parse(printed).map_err(|e| settings(e.to_string()))
-}
-
 /// Seconds of a duration such as `8h`.
 #[pyfunction]
 pub fn seconds(text: &str) -> PyResult<f64> {
@@ -245,9 +227,9 @@ pub fn seconds(text: &str) -> PyResult<f64> {
     parsed.map(|seconds| seconds.0).map_err(|error| Failure::from(error).into())
 }
 
-/// The description of the sums of a render, before its first iteration. `printed` is the experiment as TOML.
-fn about(settings: &Settings, printed: &str, contents: String) -> Result<About> {
-    let experiment = parsed(printed)?.with_absolute_paths()?;
+/// The description of the sums of a render, before its first iteration. `config` is the experiment with all defaults.
+fn about(settings: &Settings, config: Experiment, contents: String) -> Result<About> {
+    let experiment = config.with_absolute_paths()?;
     Ok(About::new(settings, experiment.to_toml(), &experiment.input_files(), contents, Shard::ALL))
 }
 

@@ -15,10 +15,10 @@ use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_file::{COUNTS, description_path, paths_beside};
 use taugate::internals::image::png_file;
+use taugate::internals::job::memory;
 use taugate::internals::settings::exposure::Exposure;
 use taugate::internals::settings::units::Gate;
 
-use super::memory;
 use super::rescue::Rescue;
 use crate::app::cli::DetectArgs;
 use light::{Input, bytes_of, has_extension};

@@ -16,6 +16,7 @@ use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{emitting_nodes, resolve};
 use taugate::internals::input::scenery;
+use taugate::internals::job::{feasible, read};
 use taugate::internals::render::sheets::{Glass, glass};
 use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
@@ -29,7 +30,7 @@ use map::Map;
 use media::{Medium, Thickness};
 use pixel::Shown;
 
-use super::{compiling, feasible, render};
+use super::{compiling, render};
 use crate::app::cli::InfoArgs;
 
 /// Percentiles of the arriving light whose travel times the report lists.
@@ -174,12 +175,12 @@ pub struct Arrival {
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     map::check(&args.map)?;
     args.plot.as_deref().map_or(Ok(()), plot::check)?;
-    let mut experiment = render::read_experiment(args.input.clone(), args.flags.0.clone())?;
+    let mut experiment = read::experiment(args.input.clone(), args.flags.0.clone())?;
     let notes = reduce(&mut experiment);
     let files: Vec<PathBuf> = args.map.iter().chain(&args.plot).cloned().collect();
     render::check_inputs(&files, experiment.scene.as_ref().expect("the experiment names a scene"), &experiment)?;
     compiling::announce()?;
-    let mut scene = render::load_scene(&experiment)?;
+    let mut scene = read::scene(&experiment)?;
     let choices = scenery::apply(&mut experiment, &mut scene)?;
     let mut report = contents(&scene);
     report.notes = [notes, choices].concat();

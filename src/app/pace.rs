@@ -2,10 +2,9 @@
 
 use taugate::internals::error::Result;
 use taugate::internals::estimators::Ellipsoids;
-use taugate::internals::gpu::Device;
-use taugate::internals::render::{PreparedScene, seconds_per_sample};
-use taugate::internals::scene::Scene;
-use taugate::internals::settings::{Budget, Settings};
+use taugate::internals::job::ready::Ready;
+use taugate::internals::render::seconds_per_sample;
+use taugate::internals::settings::Budget;
 
 use super::progress::duration;
 
@@ -13,12 +12,13 @@ use super::progress::duration;
 const MANY_TRIANGLES: usize = 10_000;
 
 /// Says how long one sample per pixel takes, and the whole image. `None` unless the estimator searches all triangles and the scene has many.
-pub fn note(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Option<String>> {
+pub fn note(ready: &Ready) -> Result<Option<String>> {
+    let Ready { renderer, scene, settings, prepared: Some(prepared), .. } = ready else { return Ok(None) };
     let triangles = prepared.triangles();
     if settings.estimator().record().ellipsoids != Ellipsoids::Enumerated || triangles < MANY_TRIANGLES {
         return Ok(None);
     }
-    let seconds = seconds_per_sample(device, scene, settings, prepared)?;
+    let seconds = seconds_per_sample(renderer, scene, settings, prepared)?;
     let image = match settings.budget() {
         Budget::Spp(spp) => format!(", and the whole image {}", duration(seconds * f64::from(spp))),
         Budget::Seconds(_) => String::new(),

@@ -1,34 +1,32 @@
 //! `taugate render`: from the command line to the files.
 
 mod errors;
-mod iterations;
 mod outputs;
 mod print;
-mod ready;
 mod scan;
 mod sequence;
-mod sums;
 
 use std::collections::HashSet;
 use std::io::IsTerminal;
 use std::mem::take;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::input::resolve::{self, Outputs};
-use taugate::internals::input::scenery;
+use taugate::internals::input::resolve;
 use taugate::internals::input::sequence::Sequence;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers, missing_light};
+use taugate::internals::job::iterations::{Abandons, Iterations};
+use taugate::internals::job::preparation::Preparation;
+use taugate::internals::job::ready::{Ready, Wanted};
+use taugate::internals::job::sums::{self, Checkpoint, Earlier, Identity, empty_shard};
+use taugate::internals::job::{Job, feasible, memory, read};
+use taugate::internals::render::schedule::{Schedule, budget_of};
+use taugate::internals::render::{Renderer, StrategyImages};
 use taugate::internals::scene::Scene;
-use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Sampling, Settings};
@@ -36,23 +34,19 @@ use taugate::internals::tev::TevStream;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::live::Live;
-use super::preparation::Preparation;
-use super::progress::{Before, Progress};
+use super::progress::{Before, Position, Progress};
 use super::report::Report;
-use super::{compiling, feasible, memory, pace, strategies};
+use super::{compiling, pace, strategies};
 use crate::app::cli::RenderArgs;
 pub use errors::NotFinite;
-use errors::{with_saved_results, with_scene_path};
-use iterations::{Done, Iterations};
+use errors::{failure, with_saved_results, with_scene_path};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
-use ready::Ready;
-use sums::{Checkpoint, Earlier, Identity, empty_shard};
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
     let experiment = match args.input.clone() {
-        Some(input) => read_experiment(input, args.into_experiment())?,
+        Some(input) => read::experiment(input, args.into_experiment())?,
         None => sums::read_experiment(args.into_experiment())?,
     };
     experiment.check_paths()?;
@@ -66,32 +60,12 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if let Some(table) = experiment.scan.clone() {
         return scan::run(&table, experiment, &mut Session::new(quiet)?);
     }
-    let (path, allowed, playback) = source(&experiment);
-    let sequence = Sequence::new(&experiment, || gltf::end_of_animations(path, &allowed, playback.animation))?;
+    let sequence = Sequence::new(&experiment, || read::end_of_animations(&experiment))?;
     let mut session = Session::new(quiet)?;
     match sequence {
         Some(sequence) => sequence::run(sequence, &mut session),
         None => Ok(session.render(experiment)?.code()),
     }
-}
-
-/// Loads the scene of an experiment, in the pose that the experiment selects.
-pub fn load_scene(experiment: &Experiment) -> Result<Scene> {
-    let (path, allowed, playback) = source(experiment);
-    gltf::load_with(path, &allowed, playback)
-}
-
-/// Fails if the scene has no pose at the time that the experiment selects.
-fn check_pose(experiment: &Experiment) -> Result<()> {
-    let (path, allowed, playback) = source(experiment);
-    gltf::check_pose(path, &allowed, playback)
-}
-
-/// The file of the scene, the folders that it may refer to, and the pose (time and animation).
-fn source(experiment: &Experiment) -> (&Path, Vec<PathBuf>, Playback<'_>) {
-    let path = experiment.scene.as_ref().expect("the experiment names a scene");
-    let input = &experiment.input;
-    (path, input.allowed(), Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() })
 }
 
 /// How a render ended.
@@ -141,7 +115,7 @@ impl Session {
     }
 
     /// Renders an experiment and writes its files.
-    pub fn render(&mut self, mut experiment: Experiment) -> anyhow::Result<Outcome> {
+    pub fn render(&mut self, experiment: Experiment) -> anyhow::Result<Outcome> {
         let scene_path = experiment.scene.clone().expect("the experiment names a scene");
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
@@ -156,14 +130,14 @@ impl Session {
         self.interrupts.end_the_process_at(Interrupt::First);
 
         // Load the scene and resolve the settings.
-        let mut preparation = Preparation::new();
-        let mut scene = preparation.timed("load scene", || load_scene(&experiment))?;
+        let mut preparation = Preparation::start();
+        let scene = preparation.timed("load scene", || read::scene(&experiment))?;
         // All frames have the same settings, so a mistake in one frame is one of its scene.
         let of_frame = |error| if self.is_sequence { with_scene_path(error, &scene_path) } else { error };
-        let notes = scenery::apply(&mut experiment, &mut scene).map_err(of_frame)?;
-        let resolved = resolve::resolve(&experiment, &scene).map_err(of_frame)?;
+        let job = Job::new(experiment, scene).map_err(of_frame)?;
+        let (config, warnings, may_be_dark) = (job.config(), job.warnings(), self.is_sequence || job.may_be_dark());
+        let Job { experiment, scene, resolved, notes } = job;
         let settings = &resolved.settings;
-        let config = resolve::as_experiment(&experiment, settings, &scene);
         let shard = match &earlier {
             Some(earlier) => earlier.shard(experiment.output.shard)?,
             None => experiment.output.shard.unwrap_or(Shard::ALL),
@@ -173,10 +147,9 @@ impl Session {
             true => Some(Identity::new(config.clone(), settings, shard)?),
             false => None,
         };
-        let printed = Experiment { output: Default::default(), ..config }.to_toml();
         let printed = match identity.as_ref().filter(|_| self.is_sequence) {
-            Some(identity) => sequence::with_inputs(&printed, identity),
-            None => printed,
+            Some(identity) => sequence::with_inputs(&config.to_toml(), identity),
+            None => config.to_toml(),
         };
         if let Some(identity) = identity.as_ref().filter(|_| self.is_sequence)
             && sequence::is_finished(&outputs, identity)?
@@ -199,9 +172,7 @@ impl Session {
         // Prepare the device. The renderer of the previous frame also renders this frame if only cameras, lights or gates moved.
         let without_work = empty_shard(shard, &settings.budget());
         notes.iter().chain(&without_work).for_each(|note| self.say(format!("note: {note}")));
-        for warning in scene.warnings.iter().chain(&resolved.warnings) {
-            self.say(format!("warning: {warning}"));
-        }
+        warnings.iter().for_each(|warning| self.say(format!("warning: {warning}")));
         let was_missing = self.ready.as_ref().is_some_and(|ready| ready.missing.is_some());
         let followed = match (self.ready.take(), &self.device) {
             (Some(ready), Some(device)) if outputs.aov == Aov::default() => {
@@ -216,7 +187,11 @@ impl Session {
                 missing.into_iter().for_each(|warning| self.say(format!("warning: {warning}")));
                 (ready, Layers::default())
             }
-            None => self.prepare(scene, &experiment, settings, &outputs, &mut preparation)?,
+            None => {
+                let (has_variance, aov) = (outputs.has_variance(), outputs.aov);
+                let wanted = Wanted { path: Some(&scene_path), may_be_dark, has_variance, aov };
+                self.prepare(scene, settings, &wanted, experiment.render.device.as_deref(), &mut preparation)?
+            }
         };
         preparation.finish();
         let device = self.device.as_ref().expect("preparing opened a device");
@@ -234,12 +209,14 @@ impl Session {
         }
         self.interrupts.end_the_process_at(Interrupt::Second);
         let stop = &self.interrupts.stop;
-        let (strict, may_be_dark) =
-            (experiment.render.strict.unwrap_or(false), self.may_be_dark(&experiment, settings));
+        let strict = experiment.render.strict.unwrap_or(false);
         let rendering = Instant::now();
         let (name, responses) = (outputs.name(), settings.responses());
         let mut live = self.tev.as_mut().map(|stream| Live { stream, name, responses });
-        let mut watch = |renderer: &Renderer, seconds: f64, progress: &mut Progress| {
+        let progress = &mut self.progress;
+        let own_budget = budget_of(shard, settings.budget());
+        let watch = |renderer: &Renderer, elapsed: Duration| {
+            let seconds = before.seconds + elapsed.as_secs_f64();
             if let Some(live) = &mut live {
                 live.update(renderer, progress);
             }
@@ -248,11 +225,13 @@ impl Session {
             {
                 progress.line(&format!("warning: {error}; the render goes on, and tries it again later"));
             }
+            progress.update(&Position::of(renderer, elapsed, before), &own_budget);
         };
-        let iterations = Iterations { settings, shard, before, strict, stop };
-        let rendered = iterations.run(renderer, &mut self.progress, &mut watch);
+        let schedule = Schedule::Budget { budget: settings.budget(), shard, before: before.seconds };
+        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::LaterOnes };
+        let rendered = iterations.run(renderer, watch);
         self.progress.finish();
-        let Done { schedule, failure } = rendered?;
+        let failure = failure(rendered?)?;
         if self.is_sequence
             && let Some(failure) = failure
         {
@@ -316,9 +295,9 @@ impl Session {
         if self.is_sequence {
             self.ready = Some(ready);
         } else if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
-            let scene = &ready.into_scene();
-            let interrupts = &self.interrupts;
-            let images = strategies::Job { device, scene, settings, schedule: &schedule, interrupts };
+            let samples = renderer.film().samples();
+            let (scene, interrupts) = (&ready.into_scene(), &self.interrupts);
+            let images = strategies::Job { device, scene, settings, samples, interrupts };
             images.write(folder, &provenance, &self.progress)?;
         }
         let interrupted = self.interrupts.stop.load(Ordering::Relaxed);
@@ -327,73 +306,29 @@ impl Session {
 }
 
 impl Session {
-    /// Whether a black image is allowed.
-    fn may_be_dark(&self, experiment: &Experiment, settings: &Settings) -> bool {
-        experiment.gate.force.unwrap_or(false) || self.is_sequence || settings.responses().are_steady()
-    }
-
     /// Makes a renderer and the auxiliary layers. Opens the device at the first call.
     fn prepare(
         &mut self,
         scene: Scene,
-        experiment: &Experiment,
         settings: &Settings,
-        outputs: &Outputs,
+        wanted: &Wanted,
+        device_name: Option<&str>,
         preparation: &mut Preparation,
     ) -> anyhow::Result<(Ready, Layers)> {
-        let (path, device_name) = (experiment.scene.as_ref(), experiment.render.device.as_deref());
-        let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
-        let prepared = prepared.map_err(|error| with_scene_path(error, path.expect("the experiment names a scene")))?;
-        let warnings = preparation.timed("check lamps", || prepared.scene_warnings(&scene, settings));
-        let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
-        warnings.iter().chain(&missing).for_each(|warning| self.say(format!("warning: {warning}")));
-        if !self.may_be_dark(experiment, settings) {
-            preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device_name))?;
-        }
-        let device = match self.device.take() {
-            Some(device) => device,
-            None => preparation.timed("open device", || Device::open(device_name))?,
+        let mut device = self.device.take();
+        let open = || match &device {
+            Some(device) => Ok(device.clone()),
+            None => Ok(device.insert(Device::open(device_name)?).clone()),
         };
-        let device = self.device.insert(device);
-        let plan = MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?;
-        plan.check(device.info())?;
-        if let Some(warning) = plan.warning(device.info()) {
-            self.progress.line(&format!("warning: {warning}"));
-        }
-        // Render the layers before making the renderer, so that the device never holds two copies of the scene.
-        let layers = match outputs.aov {
-            none if none == Aov::default() => Layers::default(),
-            aov => preparation.timed("auxiliary layers", || layers(device, &scene, settings, &prepared, aov))?,
-        };
-        if let Some(note) = preparation.timed("measure the pace", || pace::note(device, &scene, settings, &prepared))? {
+        let mut say = |warning: &str| self.say(format!("warning: {warning}"));
+        let made = Ready::new(scene, settings, wanted, open, preparation, &mut say);
+        self.device = device;
+        let (mut ready, layers) = made?;
+        if let Some(note) = preparation.timed("measure the pace", || pace::note(&ready))? {
             self.progress.line(&note);
         }
-        let mut renderer = Renderer::from_prepared(device, &scene, settings, &prepared)?;
-        if outputs.has_variance() {
-            renderer.estimate_response_variance();
-        }
-        // The next frame of a sequence may reuse the prepared scene.
-        let prepared = self.is_sequence.then_some(prepared);
-        Ok((Ready { renderer, scene, settings: settings.clone(), prepared, warnings, missing }, layers))
+        // Only the next frame of a sequence may use the prepared scene again.
+        ready.prepared = ready.prepared.filter(|_| self.is_sequence);
+        Ok((ready, layers))
     }
-}
-
-/// The experiment to render, from the file `input` and the flags `typed`. If the input is an experiment file, flags take precedence
-/// over its keys. `scene` is always set.
-pub fn read_experiment(input: PathBuf, mut typed: Experiment) -> Result<Experiment> {
-    let extension = input.extension().unwrap_or_default().to_ascii_lowercase();
-    if extension == "toml" {
-        let experiment = typed.over(Experiment::read(&input)?);
-        if experiment.scene.is_none() {
-            let message = "names no scene; add a first line like scene = \"room.glb\"".into();
-            return Err(Error::File { path: input, message });
-        }
-        return Ok(experiment);
-    }
-    if extension != "glb" && extension != "gltf" {
-        let message = "is neither a scene (.glb, .gltf) nor an experiment (.toml)".into();
-        return Err(Error::File { path: input, message });
-    }
-    typed.scene = Some(input);
-    Ok(typed)
 }

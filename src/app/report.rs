@@ -9,11 +9,11 @@ use taugate::internals::files::write_atomically;
 use taugate::internals::image::exr_file::{Provenance, version};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::resolve::Outputs;
+use taugate::internals::job::preparation::Preparation;
 use taugate::internals::render::{Renderer, Stage, Stats};
 use taugate::internals::settings::Settings;
 
 use super::images::Images;
-use super::preparation::Preparation;
 use super::progress::{Before, Position, Progress, duration, rays};
 use super::rescue::Rescue;
 

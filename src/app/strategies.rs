@@ -10,9 +10,11 @@ use taugate::internals::error::Result;
 use taugate::internals::files::{remove_left_over, temporary_folder};
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::render::schedule::lengths;
 use taugate::internals::render::{PreparedScene, StrategyImages};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
+use taugate::internals::settings::shard::Shard;
 
 use super::interrupts::{Interrupt, Interrupts};
 use super::progress::Progress;
@@ -23,8 +25,8 @@ pub struct Job<'a> {
     pub device: &'a Device,
     pub scene: &'a Scene,
     pub settings: &'a Settings,
-    /// Samples per pixel of each iteration.
-    pub schedule: &'a [u32],
+    /// Samples per pixel.
+    pub samples: u64,
     pub interrupts: &'a Interrupts,
 }
 
@@ -101,7 +103,7 @@ impl Job<'_> {
         let prepared = PreparedScene::new(self.scene, self.settings)?;
         let mut images = StrategyImages::new(self.device, self.scene, self.settings, &prepared)?;
         self.interrupts.end_the_process_at(Interrupt::Second);
-        for &samples in self.schedule {
+        for samples in lengths(Shard::ALL, self.samples) {
             if self.interrupts.stop.load(Ordering::Relaxed) {
                 report_interrupted(progress);
                 return Ok(());

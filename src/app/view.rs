@@ -27,12 +27,12 @@ use taugate::Error;
 use taugate::internals::gpu::Device;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::named;
+use taugate::internals::job::read;
 use taugate::internals::tev::TevStream;
 use taugate::internals::threads;
 use tokio::sync::{mpsc, watch};
 
 use super::interrupts::{Interrupt, Interrupts};
-use super::render;
 use crate::app::cli::ViewArgs;
 use board::Board;
 use client::{Patience, Shared};
@@ -61,7 +61,7 @@ impl Answers {
 
 pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
     let ViewArgs { input, flags, listen, open, save_to } = args;
-    let mut experiment = render::read_experiment(input.clone(), flags.0)?;
+    let mut experiment = read::experiment(input.clone(), flags.0)?;
     experiment.check_paths()?;
     let tev = experiment.output.tev.take();
     let left_out = reduce(&mut experiment)?;

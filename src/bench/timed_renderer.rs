@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::Device;
-use crate::render::schedule::samples_in;
+use crate::job::iterations;
+use crate::render::schedule::{Schedule, ends_nearer, samples_in};
 use crate::render::{PreparedScene, Renderer, Stats};
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -38,25 +39,20 @@ impl TimedRenderer {
         self.clock = 0.0;
     }
 
-    /// Renders at least one iteration, until [`TimedRenderer::has_reached`] `end`.
+    /// Renders at least one iteration, and more until [`TimedRenderer::has_reached`] `end`.
     pub fn run_until(&mut self, end: f64) -> Result<()> {
-        loop {
-            let samples = samples_in(self.renderer.film().iterations());
-            let start = Instant::now();
-            self.renderer.iterate(samples)?;
-            self.clock += start.elapsed().as_secs_f64();
-            if self.has_reached(end) {
-                return Ok(());
-            }
-        }
+        let start = Instant::now();
+        let schedule = Schedule::Turn { first: self.renderer.rendered().end, before: self.clock, end };
+        iterations::run(&mut self.renderer, schedule)?;
+        self.clock += start.elapsed().as_secs_f64();
+        Ok(())
     }
 
     /// Whether the present clock is nearer to `end` than the clock after another iteration. So the clock stops before and after the
     /// end alike. On average, a renderer with long iterations gets no more time than one with short ones.
     pub fn has_reached(&self, end: f64) -> bool {
         let film = self.renderer.film();
-        let next = f64::from(samples_in(film.iterations())) / film.samples().max(1) as f64 * self.clock;
-        self.clock + 0.5 * next >= end
+        !ends_nearer(samples_in(film.iterations()), film.samples(), self.clock, end)
     }
 
     /// A counter of the statistics, counted since the restart.

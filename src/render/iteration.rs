@@ -8,6 +8,7 @@ use super::contribution::Contribution;
 use super::plan::{Iteration, Observe};
 use super::pool::SortedPool;
 use super::samples::SampleCounts;
+use super::schedule::Following;
 use super::sensor::Tiles;
 use super::stats::stage;
 use crate::error::{Error, Result};
@@ -174,6 +175,7 @@ impl Renderer {
         self.done.add(self.next);
         self.next += 1;
         self.first_sample += max;
+        self.following = Following::Unknown;
         self.stats.iterations += 1;
     }
 }

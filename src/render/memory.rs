@@ -1,5 +1,6 @@
 //! The memory that a render will need, buffer by buffer, computed before anything is allocated.
 
+use super::Renderer;
 use super::device_scene::DeviceScene;
 use super::light::LightTracer;
 use super::plan::Plan;
@@ -9,7 +10,7 @@ use super::sensor::SensorTracer;
 use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
 use crate::free_memory;
-use crate::gpu::{BufferDesc, DeviceInfo};
+use crate::gpu::{BufferDesc, Device, DeviceInfo};
 use crate::scene::{Instance, Scene};
 use crate::settings::Settings;
 use crate::wgsl::layout::PathVertex;
@@ -52,7 +53,6 @@ fn check_build_in(free: Option<u64>, scene: &Scene) -> Result<()> {
 }
 
 /// The memory that a render needs.
-#[derive(Debug, Clone)]
 pub struct MemoryPlan {
     /// Buffers of the scene.
     pub scene: Vec<BufferDesc>,
@@ -64,6 +64,7 @@ pub struct MemoryPlan {
     pub host_bytes: u64,
     /// Buffers whose size is known before the first light path, for [`MemoryPlan::check`].
     certain: Vec<BufferDesc>,
+    plan: Plan,
 }
 
 impl MemoryPlan {
@@ -93,7 +94,7 @@ impl MemoryPlan {
             + scene_bytes(scene)
             + (BUILD_BYTES * triangles).max(flat + on_host + pixels + VERTEX_BYTES * u64::from(vertices));
         let certain = certain_buffers(info, &plan, prepared);
-        Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, certain })
+        Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, certain, plan })
     }
 
     /// Total bytes on the device.
@@ -122,6 +123,19 @@ impl MemoryPlan {
     /// Fails if the render certainly does not fit the device. The error names the flag to change.
     pub fn check(&self, device: &DeviceInfo) -> Result<()> {
         crate::gpu::buffer_desc::check_all(&self.certain, device)
+    }
+}
+
+impl Renderer {
+    /// As [`Renderer::from_prepared`], with the memory plan for `device` of the same scene and settings.
+    pub fn from_memory_plan(
+        device: &Device,
+        memory: MemoryPlan,
+        scene: &Scene,
+        prepared: &PreparedScene,
+    ) -> Result<Renderer> {
+        let size = [memory.plan.crop.width(), memory.plan.crop.height()];
+        Renderer::from_plan(device, memory.plan, size, scene, prepared)
     }
 }
 

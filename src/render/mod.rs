@@ -5,7 +5,6 @@ mod aimed_points;
 pub mod albedo;
 mod arrival;
 mod black_backs;
-mod budget;
 mod compaction;
 mod contribution;
 mod coplanar;
@@ -83,6 +82,7 @@ pub use probe::{TravelTimes, probe};
 use responses::ResponseSums;
 use samples::Allocation;
 pub use samples::MAX_AVERAGE_SAMPLES;
+use schedule::Following;
 use sensor::SensorPhase;
 use stats::stage;
 pub use stats::{Stage, Stats};
@@ -108,6 +108,8 @@ pub struct Renderer {
     /// The next iteration, and the sample of the random sequences at which it begins.
     next: u32,
     first_sample: u32,
+    /// What comes after the next iteration.
+    following: Following,
     /// Number of non-finite samples that were dropped from the sums that the render continues.
     dropped_before: u64,
 }
@@ -211,6 +213,7 @@ impl Renderer {
             done: Iterations::default(),
             next: 0,
             first_sample: 0,
+            following: Following::Unknown,
             dropped_before: 0,
         })
     }
@@ -267,11 +270,5 @@ impl Renderer {
     #[doc(hidden)]
     pub fn has_response_variance(&self) -> bool {
         self.responses.as_ref().is_some_and(|responses| responses.film().has_variance())
-    }
-
-    /// Size of the scene's device buffers in bytes.
-    #[doc(hidden)]
-    pub fn scene_bytes(&self) -> u64 {
-        self.scene.bytes()
     }
 }

@@ -5,7 +5,6 @@ use std::time::Instant;
 use super::Renderer;
 use super::prepared_scene::PreparedScene;
 use crate::error::Result;
-use crate::gpu::Device;
 use crate::scene::Scene;
 use crate::settings::{Crop, Sampling, Settings};
 
@@ -16,9 +15,9 @@ const LONG_ENOUGH: f64 = 0.2;
 
 /// Seconds that one sample in every pixel of the crop takes. Renders small images of the camera's whole view, with few light
 /// subpaths, because the time for these does not depend on the resolution. Each image is rendered twice, because the first time
-/// includes compiling kernels.
+/// includes compiling kernels. `renderer` renders `scene` and lends the arrays of the scene on its device.
 pub fn seconds_per_sample(
-    device: &Device,
+    renderer: &Renderer,
     scene: &Scene,
     settings: &Settings,
     prepared: &PreparedScene,
@@ -29,7 +28,7 @@ pub fn seconds_per_sample(
         let crop = Crop { x0: 0, y0: 0, x1: side, y1: side };
         let small = settings.change().resolution([side, side]).crop(crop).light_paths(256).splat_paths(0);
         let settings = small.sampling(Sampling::Uniform).build()?;
-        let mut renderer = Renderer::from_prepared(device, scene, &settings, prepared)?;
+        let mut renderer = renderer.sibling(scene, &settings, prepared)?;
         renderer.iterate(1)?;
         let begin = Instant::now();
         renderer.iterate(1)?;

@@ -4,6 +4,7 @@
 
 use super::prepared_scene::{PreparedScene, set_seeds};
 use super::responses::ResponseSums;
+use super::schedule::Following;
 use super::{Iterations, Renderer, Stats};
 use crate::error::{Error, Result};
 use crate::image::film::Film;
@@ -127,5 +128,6 @@ impl Renderer {
         }
         self.done = Iterations::default();
         (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);
+        self.following = Following::Unknown;
     }
 }

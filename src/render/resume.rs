@@ -1,11 +1,10 @@
 //! Renders that go on after an interruption, and shards of a render on several machines.
 
 use super::samples::MAX_SHARE;
-use super::schedule::samples_before;
+use super::schedule::{Following, Rendered, samples_before};
 use super::{Renderer, ResponseSums};
 use crate::error::{Error, Result};
 use crate::image::accumulation::{About, Accumulation, AdaptiveState};
-use crate::settings::shard::Shard;
 
 #[warn(missing_docs)]
 impl Renderer {
@@ -28,10 +27,23 @@ impl Renderer {
         self.dropped_before.saturating_add(self.stats.dropped)
     }
 
-    /// The number of the next iteration.
+    /// The iterations so far.
     #[doc(hidden)]
-    pub fn next(&self) -> u32 {
-        self.next
+    pub fn rendered(&self) -> Rendered {
+        let (iterations, samples) = (self.film.iterations(), self.film.samples());
+        Rendered { end: self.next, iterations, samples, is_dark: self.is_dark() }
+    }
+
+    /// Says what comes after the next iteration. It does not change the image: an announced iteration need not follow.
+    #[doc(hidden)]
+    pub fn announce(&mut self, following: Following) {
+        self.following = following;
+    }
+
+    /// What was announced for the time after the next iteration, or after the present one. Unknown if nothing was.
+    #[doc(hidden)]
+    pub fn following(&self) -> Following {
+        self.following
     }
 
     /// The state of adaptive sampling; `None` if the sampling is uniform.
@@ -65,16 +77,6 @@ impl Renderer {
         (self.next, self.first_sample) = (about.iterations.end(), about.next_sample);
         (self.done, self.dropped_before) = (about.iterations, about.dropped);
         Ok(())
-    }
-
-    /// As [`Renderer::go_to`], for the next iteration of `shard`. Does nothing if `shard` is the whole render.
-    #[doc(hidden)]
-    pub fn go_to_next_of(&mut self, shard: Shard) {
-        if shard.is_all() {
-            return;
-        }
-        let from = self.done.end();
-        self.go_to((from..).find(|&number| shard.has(number)).expect("a shard has no last iteration"));
     }
 
     /// Makes iteration `number` the next one. Its random numbers are those that it has in the whole render.

@@ -5,7 +5,7 @@
 //! render begins with the same bits as a shorter one. A render with a budget of seconds begins with the same bits as one with a
 //! budget of samples. `docs/notebook/schedule.md` compares lengths.
 
-use std::time::Duration;
+use std::ops::Range;
 
 use super::samples::MAX_AIMED_SAMPLES;
 use crate::settings::Budget;
@@ -46,202 +46,161 @@ pub fn iterations_of(spp: u32) -> u32 {
     }
 }
 
-/// Samples per pixel of all iterations of `shard` in a render with `spp` samples per pixel.
-pub fn samples_of_shard(shard: Shard, spp: u32) -> u64 {
-    (shard.index()..)
-        .step_by(shard.count() as usize)
-        .map(|iteration| u64::from(spp).saturating_sub(samples_before(iteration)).min(samples_in(iteration).into()))
-        .take_while(|&samples| samples > 0)
-        .sum()
+/// Samples per pixel of each iteration of `shard`, in a render with `spp` samples per pixel.
+pub fn lengths(shard: Shard, spp: u64) -> impl Iterator<Item = u32> {
+    let numbers = (shard.index()..).step_by(shard.count() as usize);
+    numbers.map(move |number| samples_up_to(spp, number)).take_while(|&samples| samples > 0)
 }
 
-/// As [`next_samples`], for a render of which this machine renders `shard`. `iteration` is the number of the shard's next
-/// iteration in the whole render. `iterations` and `done` are the iterations and the samples per pixel of the shard so far. A budget
-/// of samples holds for all shards together, a budget of seconds for each shard.
-pub fn next_samples_of(
-    shard: Shard,
-    budget: &Budget,
-    iteration: u32,
-    iterations: u32,
-    done: u64,
-    elapsed: Duration,
-) -> u32 {
-    let done = if shard.is_all() || matches!(budget, Budget::Seconds(_)) { done } else { samples_before(iteration) };
-    samples_after(budget, samples_in(iteration), iterations, done, elapsed)
+/// The budget of `shard` alone, if all shards together have `budget`.
+pub fn budget_of(shard: Shard, budget: Budget) -> Budget {
+    match budget {
+        Budget::Spp(spp) => Budget::Spp(lengths(shard, spp.into()).sum()),
+        seconds => seconds,
+    }
 }
 
-/// Samples per pixel in the next iteration, after `iterations` iterations with `done` samples per pixel in total; 0 when the
-/// budget is used up. A budget of samples may shorten the last iteration. A budget of seconds ends after the iteration whose
-/// end is nearest to the budget. The first iteration always runs; the second one runs unless the time is over.
-pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Duration) -> u32 {
-    samples_after(budget, samples_in(iterations), iterations, done, elapsed)
+/// Samples per pixel of iteration `number` in a render with `spp` samples per pixel; 0 if it has no such iteration.
+fn samples_up_to(spp: u64, number: u32) -> u32 {
+    spp.saturating_sub(samples_before(number)).min(samples_in(number).into()) as u32
 }
 
-/// As [`next_samples`], for a next iteration of `samples` samples.
-fn samples_after(budget: &Budget, samples: u32, iterations: u32, done: u64, elapsed: Duration) -> u32 {
-    match *budget {
-        Budget::Spp(spp) => u64::from(spp).saturating_sub(done).min(samples.into()) as u32,
-        Budget::Seconds(_) if done == 0 => samples,
-        Budget::Seconds(seconds) => {
-            let elapsed = elapsed.as_secs_f64();
-            let half = 0.5 * elapsed / done as f64 * f64::from(samples);
-            let fits = iterations < MIN_ITERATIONS || elapsed + half <= seconds;
-            if elapsed < seconds && fits { samples } else { 0 }
+/// Which iterations a render has, and how many samples each of them has.
+#[derive(Debug, Clone)]
+pub enum Schedule {
+    /// The iterations of `shard` until `budget` is used. A budget of samples holds for all shards together, a budget of seconds for each
+    /// shard. `before`: seconds of rendering in the sums that the render continues.
+    ///
+    /// A budget of samples may shorten the last iteration. A budget of seconds ends after the iteration whose end is nearest to it. But
+    /// the first iteration always runs, and the second one runs unless the time is over. If no light can arrive inside the gate, a
+    /// budget of seconds ends after the two iterations that a variance needs.
+    Budget { budget: Budget, shard: Shard, before: f64 },
+    /// The iterations `numbers` of a render with `spp` samples per pixel; `None` for a render without an end.
+    Part { numbers: Range<u32>, spp: Option<u32> },
+    /// A point of a scan with `points` sensor points. All iterations except the last have the same length. A budget of samples limits
+    /// this length to a quarter of the budget, rounded up. With a budget of seconds, the first two iterations always run.
+    Scan { budget: Budget, points: u32 },
+    /// Iteration `first`, and more until the end of one is nearest to `end` seconds. `before`: seconds of the earlier iterations.
+    Turn { first: u32, before: f64, end: f64 },
+}
+
+/// The iterations of a render so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rendered {
+    /// Number of the iteration after the last one. Shards and parts omit iterations, so it may exceed `iterations`.
+    pub end: u32,
+    /// How many iterations there are, and their samples per pixel.
+    pub iterations: u32,
+    pub samples: u64,
+    /// Whether no light can arrive inside the gate.
+    pub is_dark: bool,
+}
+
+/// An iteration of a schedule.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Planned {
+    /// Its number in the whole render.
+    pub number: u32,
+    /// Samples per pixel, at least 1.
+    pub samples: u32,
+}
+
+/// What comes after an iteration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Following {
+    /// Not known yet: it depends on the time that iterations take.
+    #[default]
+    Unknown,
+    Nothing,
+    Iteration(Planned),
+}
+
+impl Schedule {
+    /// The whole render of a budget.
+    pub fn whole(budget: Budget) -> Schedule {
+        Schedule::Budget { budget, shard: Shard::ALL, before: 0.0 }
+    }
+
+    /// The iteration after `rendered`, after `elapsed` seconds of rendering; `None` at the end.
+    pub fn next(&self, rendered: Rendered, elapsed: f64) -> Option<Planned> {
+        let Rendered { end, iterations, samples: done, is_dark } = rendered;
+        let (number, samples) = match *self {
+            Schedule::Budget { budget: Budget::Seconds(_), .. } if is_dark && iterations >= MIN_ITERATIONS => (end, 0),
+            Schedule::Budget { budget, shard, before } => {
+                let number = (end..).find(|&number| shard.has(number)).expect("a shard has no last iteration");
+                let samples = match budget {
+                    Budget::Spp(spp) if shard.is_all() => {
+                        u64::from(spp).saturating_sub(done).min(samples_in(number).into()) as u32
+                    }
+                    Budget::Spp(spp) => samples_up_to(spp.into(), number),
+                    Budget::Seconds(seconds) => {
+                        let (elapsed, samples) = (before + elapsed, samples_in(number));
+                        let fits = iterations < MIN_ITERATIONS || ends_nearer(samples, done, elapsed, seconds);
+                        if done == 0 || elapsed < seconds && fits { samples } else { 0 }
+                    }
+                };
+                (number, samples)
+            }
+            Schedule::Part { ref numbers, spp } => {
+                let number = end.max(numbers.start);
+                let samples = samples_up_to(spp.map_or(u64::MAX, u64::from), number);
+                (number, if numbers.contains(&number) { samples } else { 0 })
+            }
+            Schedule::Scan { budget, points } => (end, scan_samples(budget, points, done, elapsed)),
+            Schedule::Turn { first, before, end: seconds } => {
+                let samples = samples_in(end);
+                let runs = end <= first || ends_nearer(samples, done, before + elapsed, seconds);
+                (end, if runs { samples } else { 0 })
+            }
+        };
+        (samples > 0).then_some(Planned { number, samples })
+    }
+
+    /// What comes after the iteration `planned` that follows `rendered`.
+    pub fn following(&self, rendered: Rendered, planned: Planned) -> Following {
+        let is_timed = match self {
+            Schedule::Budget { budget, .. } | Schedule::Scan { budget, .. } => matches!(budget, Budget::Seconds(_)),
+            Schedule::Part { .. } => false,
+            Schedule::Turn { .. } => true,
+        };
+        if is_timed {
+            return Following::Unknown;
+        }
+        let (iterations, samples) = (rendered.iterations + 1, rendered.samples + u64::from(planned.samples));
+        let after = Rendered { end: planned.number + 1, iterations, samples, ..rendered };
+        self.next(after, 0.0).map_or(Following::Nothing, Following::Iteration)
+    }
+
+    /// Whether iterations may be left out between two of its own.
+    pub fn has_gaps(&self) -> bool {
+        match self {
+            Schedule::Budget { shard, .. } => !shard.is_all(),
+            Schedule::Part { .. } => true,
+            Schedule::Scan { .. } | Schedule::Turn { .. } => false,
         }
     }
+}
+
+/// Whether `seconds` is nearer to the end of another iteration of `samples` samples than to the present time. `done` samples took
+/// `elapsed` seconds.
+pub fn ends_nearer(samples: u32, done: u64, elapsed: f64, seconds: f64) -> bool {
+    elapsed + 0.5 * elapsed / done.max(1) as f64 * f64::from(samples) <= seconds
 }
 
 /// Target for the samples of all points together in an iteration of a scan. These samples share the cost of the light subpaths.
 const SCAN_SAMPLES: u32 = 4096;
 
-/// As [`next_samples`], for a scan with `points` sensor points. All iterations except the last have the same length. A budget of
-/// samples limits this length to a quarter of the budget, rounded up. With a budget of seconds, the first two iterations always run.
-pub fn scan_samples(budget: &Budget, points: u32, done: u64, elapsed: Duration) -> u32 {
+/// Samples of the next iteration of [`Schedule::Scan`]; 0 at the end.
+fn scan_samples(budget: Budget, points: u32, done: u64, elapsed: f64) -> u32 {
     let samples = (SCAN_SAMPLES / points).clamp(2, MAX_AIMED_SAMPLES);
-    match *budget {
+    match budget {
         Budget::Spp(spp) => u64::from(spp).saturating_sub(done).min(samples.min(spp.div_ceil(4)).into()) as u32,
         Budget::Seconds(seconds) => {
-            let half = 0.5 * elapsed.as_secs_f64() / done.max(1) as f64 * f64::from(samples);
-            let fits = done <= samples.into() || elapsed.as_secs_f64() + half <= seconds;
-            if done == 0 || fits { samples } else { 0 }
+            let runs = done <= samples.into() || ends_nearer(samples, done, elapsed, seconds);
+            if runs { samples } else { 0 }
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Samples per pixel of each iteration, for a budget of `spp` samples.
-    fn lengths(spp: u32) -> Vec<u32> {
-        let (mut done, mut lengths) = (0, vec![]);
-        loop {
-            match next_samples(&Budget::Spp(spp), lengths.len() as u32, done, Duration::MAX) {
-                0 => return lengths,
-                samples => {
-                    done += u64::from(samples);
-                    lengths.push(samples);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_budget_of_samples_is_used_exactly_and_in_batches() {
-        let cases = [(1, 1), (2, 1), (7, 4), (16, 8), (20, 9), (32, 12), (64, 20), (100, 25), (128, 28), (1000, 137)];
-        for (spp, iterations) in cases {
-            let lengths = lengths(spp);
-            assert_eq!((lengths.iter().sum::<u32>(), lengths.len()), (spp, iterations), "{spp} samples");
-            assert_eq!(iterations_of(spp) as usize, iterations, "{spp} samples");
-        }
-    }
-
-    #[test]
-    fn longer_renders_begin_with_shorter_ones() {
-        let long = lengths(1000);
-        for spp in 1..1000 {
-            let short = lengths(spp);
-            let (last, whole) = short.split_last().unwrap();
-            assert_eq!(whole, &long[..whole.len()], "{spp} samples");
-            assert!(*last <= long[whole.len()], "{spp} samples: only the last iteration may be shortened");
-        }
-        let endless = |iteration| next_samples(&Budget::Seconds(1e9), iteration, 9, Duration::from_secs(1));
-        assert!(long.iter().enumerate().all(|(i, &samples)| endless(i as u32) == samples));
-    }
-
-    #[test]
-    fn shards_share_the_iterations_of_the_whole_render() {
-        for i in 0..200 {
-            assert_eq!(samples_before(i), (0..i).map(|i| u64::from(samples_in(i))).sum::<u64>(), "{i}");
-        }
-        for (spp, count) in [(1, 1), (7, 2), (64, 3), (100, 7), (1000, 4), (5, 9)] {
-            let whole = lengths(spp);
-            let mut all = vec![0; whole.len()];
-            for index in 0..count {
-                let shard = Shard::new(index, count).unwrap();
-                let mut done = 0;
-                for (iterations, number) in (index..).step_by(count as usize).enumerate() {
-                    match next_samples_of(shard, &Budget::Spp(spp), number, iterations as u32, done, Duration::MAX) {
-                        0 => break,
-                        samples => {
-                            all[number as usize] = samples;
-                            done += u64::from(samples);
-                        }
-                    }
-                }
-                assert_eq!(done, samples_of_shard(shard, spp), "{spp} samples, shard {shard}");
-            }
-            assert_eq!(all, whole, "{spp} samples");
-        }
-    }
-
-    /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The film joins
-    /// `shards` shards. The pixel has the average number of samples in the first iteration of each, and `share` times the average in
-    /// all others.
-    fn stated_over_true(lengths: &[u32], shards: usize, share: f64) -> f64 {
-        let weights = || lengths.iter().map(|&samples| f64::from(samples));
-        // Variance of iteration i if each sample has variance 1.
-        let variance = |i: usize, weight: f64| if i < shards { 1.0 / weight } else { 1.0 / (share * weight) };
-        let [all, n] = [weights().sum::<f64>(), lengths.len() as f64];
-        let of_mean = weights().enumerate().map(|(i, w)| w * w * variance(i, w)).sum::<f64>() / (all * all);
-        let spread = weights().enumerate().map(|(i, w)| w * variance(i, w)).sum::<f64>() - all * of_mean;
-        spread / ((n - 1.0) * all) / of_mean
-    }
-
-    #[test]
-    fn the_stated_variance_is_right_where_samples_follow_the_error() {
-        let long = lengths(1000);
-        for share in [0.25, 4.0] {
-            assert!((stated_over_true(&long[..8], 1, share) - 1.0).abs() < 1e-12);
-            for iterations in 9..long.len() {
-                let ratio = stated_over_true(&long[..iterations], 1, share);
-                assert!((0.96..1.07).contains(&ratio), "{iterations} iterations, {share} times the samples: {ratio}");
-            }
-        }
-        // Counterexample: if the iterations grow while the errors are learned, the estimate is wrong.
-        assert!(stated_over_true(&[1, 1, 2, 4, 8], 1, 4.0) > 1.4);
-    }
-
-    #[test]
-    fn the_stated_variance_of_8_to_16_shards_is_off_by_a_third_at_most() {
-        let long = lengths(1000);
-        let ratios = |share: f64| {
-            let films = (8..=16).flat_map(|shards| [64, 128, 256, 512].map(|spp| (shards, spp)));
-            films
-                .map(|(shards, spp)| {
-                    let iterations = (0..).take_while(|&i| samples_before(i) < spp).count();
-                    stated_over_true(&long[..iterations], shards, share)
-                })
-                .collect::<Vec<f64>>()
-        };
-        let (many, few) = (ratios(4.0), ratios(0.25));
-        let (greatest, least) = (many.into_iter().fold(0.0, f64::max), few.into_iter().fold(f64::MAX, f64::min));
-        println!("{greatest:.3} and {least:.3}");
-        assert!((1.3..1.37).contains(&greatest) && (0.78..0.82).contains(&least), "{greatest} {least}");
-    }
-
-    #[test]
-    fn a_shard_with_a_budget_of_seconds_has_two_iterations() {
-        // The first iteration of the last shard takes 9 of 10 s, so the end of the second one is far from the budget.
-        let shard = Shard::new(4, 5).unwrap();
-        let next = |iteration, iterations, seconds| {
-            next_samples_of(shard, &Budget::Seconds(10.0), iteration, iterations, 2, Duration::from_secs(seconds))
-        };
-        assert_eq!([next(9, 1, 9), next(9, 1, 10), next(14, 2, 9)], [4, 0, 0]);
-    }
-
-    #[test]
-    fn a_budget_of_seconds_ends_with_the_nearest_iteration() {
-        let next = |iterations, done, seconds| {
-            next_samples(&Budget::Seconds(16.0), iterations, done, Duration::from_secs_f64(seconds))
-        };
-        assert_eq!(next(0, 0, 99.0), 2, "the first iteration always runs");
-        assert_eq!([next(1, 2, 15.9), next(1, 2, 16.0)], [2, 0], "the second iteration runs unless the time is over");
-        // Each sample takes 1 s: the iterations take 2 s, then 4 s.
-        assert_eq!([next(6, 12, 12.0), next(7, 14, 14.0), next(8, 16, 16.0)], [2, 2, 0]);
-        // The next iteration would take 4 samples. After 12.8 s its end is nearer to the budget of 16 s; after 14.4 s and 15.2 s
-        // it is not.
-        assert_eq!([next(8, 16, 12.8), next(8, 16, 14.4), next(8, 16, 15.2)], [4, 0, 0]);
-        assert_eq!([next(20, 64, 15.0), next(20, 64, 15.1)], [8, 0]);
-    }
-}
+mod tests;

@@ -7,16 +7,19 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::sync::atomic::AtomicBool;
 
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
 use crate::gpu::Device;
 use crate::image::scan_file::ScanFilm;
 use crate::image::scan_layers::{Hit, ScanLayers};
 use crate::input::scan_table::Scan;
-use crate::render::schedule::scan_samples;
-use crate::render::{FirstSurface, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids};
+use crate::job::iterations::{Abandons, End, Iterations};
+use crate::job::memory::{self, ImageParts};
+use crate::render::schedule::Schedule;
+use crate::render::{
+    FirstSurface, MemoryPlan, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids,
+};
 use crate::scene::Scene;
 use crate::settings::aov::Aov;
 use crate::settings::{Budget, Settings};
@@ -70,7 +73,7 @@ impl PreparedScan {
     }
 
     /// Fails if a point of the scan must lie on a surface but does not, see [`check_aimed_points`].
-    pub fn check_points(&self, device: &Device, scan: &Scan) -> Result<()> {
+    fn check_points(&self, device: &Device, scan: &Scan) -> Result<()> {
         if scan.accounts_first_and_last {
             return Ok(());
         }
@@ -89,6 +92,13 @@ pub fn scene_at(mut scene: Scene, scan: &Scan, settings: &Settings, number: usiz
     scene
 }
 
+/// Fails if the images or the array of a scan need more memory than is free. `settings`: those of one render per point of the laser.
+pub fn check_memory(scan: &Scan, settings: &Settings, has_variance: bool) -> Result<()> {
+    memory::check(settings, ImageParts { variance: has_variance, exr: false }, memory::free())?;
+    let bytes = ScanFilm::bytes(scan, settings.responses().len(), has_variance);
+    memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")
+}
+
 /// A scan in progress.
 pub struct Measurement<'a> {
     scan: &'a Scan,
@@ -100,9 +110,13 @@ pub struct Measurement<'a> {
 }
 
 impl<'a> Measurement<'a> {
-    /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`].
+    /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`]. Also fails if a point of the scan must lie on a surface
+    /// but does not.
     pub fn new(device: &Device, scan: &'a Scan, of: PreparedScan, has_variance: bool) -> Result<Measurement<'a>> {
-        let mut renderer = Renderer::from_prepared(device, &of.scene, &of.settings, &of.prepared)?;
+        let memory = MemoryPlan::new(&of.scene, &of.settings, &of.prepared, Some(device.info()))?;
+        memory.check(device.info())?;
+        of.check_points(device, scan)?;
+        let mut renderer = Renderer::from_memory_plan(device, memory, &of.scene, &of.prepared)?;
         if has_variance {
             renderer.estimate_response_variance();
         }
@@ -162,23 +176,38 @@ impl<'a> Measurement<'a> {
         self.film
     }
 
-    /// Measures the next point of the laser, or the next beams that share a render. Returns false if `stop` became true before; these
-    /// points then stay without a measurement. Fails if the device is lost.
-    pub fn step(&mut self, stop: &Arc<AtomicBool>) -> Result<bool> {
+    /// Measures point after point until `stop` is true, and calls `watch` after each of them. `strict`: also ends if a sample is not
+    /// finite. Points that are interrupted stay without a measurement. An error of the device is [`End::Failed`] if there is a
+    /// measurement.
+    pub fn run(&mut self, strict: bool, stop: &Arc<AtomicBool>, mut watch: impl FnMut(&Self)) -> Result<End> {
+        while !self.is_whole() {
+            match self.step(strict, stop) {
+                Ok(End::Complete) => watch(self),
+                Err(error) if error.kind() == ErrorKind::Device && self.measured > 0 => return Ok(End::Failed(error)),
+                end => return end,
+            }
+        }
+        Ok(End::Complete)
+    }
+
+    /// Measures the next point of the laser, or the next beams that share a render. They stay without a measurement unless the render
+    /// is complete. Fails if the device is lost.
+    fn step(&mut self, strict: bool, stop: &Arc<AtomicBool>) -> Result<End> {
         let count = self.scan.laser_points.len();
         let points = self.measured..(self.measured + self.of.beams.unwrap_or(1)).min(count);
         match self.of.beams {
             Some(beams) => self.turn_beams(points.start..points.start + beams)?,
             None => self.turn(points.start)?,
         }
-        if !self.render(points.len(), stop)? {
-            return Ok(false);
+        let end = self.render(points.len(), strict, stop)?;
+        if !matches!(end, End::Complete) {
+            return Ok(end);
         }
         let pairs = self.scan.sensor_count();
         let first = points.start * pairs;
         self.film.set(first, points.len() * pairs, self.renderer.film(), self.renderer.responses());
         (self.measured, self.samples) = (points.end, self.renderer.film().samples());
-        Ok(true)
+        Ok(end)
     }
 
     /// Turns laser and sensor to point `number` of the laser.
@@ -202,23 +231,17 @@ impl<'a> Measurement<'a> {
         }
     }
 
-    /// Renders `points` points of the laser. Returns false if `stop` ended the render early.
-    fn render(&mut self, points: usize, stop: &Arc<AtomicBool>) -> Result<bool> {
+    /// Renders `points` points of the laser.
+    fn render(&mut self, points: usize, strict: bool, stop: &Arc<AtomicBool>) -> Result<End> {
         let share = points as f64 / self.scan.laser_points.len() as f64;
         let (budget, together) = match self.of.settings.budget() {
             Budget::Seconds(seconds) => (Budget::Seconds(seconds * share), self.renderer.film().width()),
             // The length of the iterations decides the last bits, so it does not depend on how many beams share a render.
             budget => (budget, self.scan.sensor_count() as u32),
         };
-        let started = Instant::now();
-        loop {
-            let samples = scan_samples(&budget, together, self.renderer.film().samples(), started.elapsed());
-            if samples == 0 {
-                return Ok(true);
-            }
-            if stop.load(Ordering::Relaxed) || !self.renderer.iterate_unless(samples, stop)? {
-                return Ok(false);
-            }
-        }
+        // An interrupted point is left out, so its images need not survive.
+        let schedule = Schedule::Scan { budget, points: together };
+        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::All };
+        iterations.run(&mut self.renderer, |_, _| {})?.or_error()
     }
 }

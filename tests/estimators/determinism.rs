@@ -6,9 +6,11 @@ use std::time::Duration;
 
 use super::cells::{is_long, renderer, settings, tuned};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::render::schedule::next_samples;
+use taugate::internals::job::iterations::begin;
+use taugate::internals::render::schedule::{Following, Planned, Schedule};
 use taugate::internals::render::{Renderer, Tuning};
 use taugate::internals::settings::gates::Gates;
+use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Budget, Crop, Edge, Estimator, Response, Responses, Sampling};
 
@@ -149,9 +151,8 @@ fn a_longer_render_begins_with_the_bits_of_a_shorter_one() {
                 assert_eq!(renderer.film().iterations(), iterations);
             }
             while renderer.film().iterations() < iterations {
-                let film = renderer.film();
-                let samples = next_samples(&budget, film.iterations(), film.samples(), Duration::from_secs(1));
-                renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+                let next = Schedule::whole(budget).next(renderer.rendered(), 1.0).unwrap();
+                renderer.iterate(next.samples).unwrap_or_else(|e| panic!("{e}"));
             }
             let film = renderer.film();
             assert_eq!(film.samples(), 24, "not eight iterations of 2 samples and two of 4");
@@ -186,4 +187,22 @@ fn a_render_of_responses_survives_abandoned_iterations() {
         };
         assert!(images(&whole) == images(&other), "the images of the gates have other bits");
     }
+}
+
+#[test]
+fn an_iteration_is_announced_when_the_one_before_begins() {
+    let settings = settings(Estimator::Bdpt, [8, 8]).gate(GATE).build().unwrap();
+    let mut renderer = renderer(&build(Kind::CornellBox), &settings);
+    let shard = Shard::new(1, 2).unwrap();
+    let (mut announced, mut iterations) = (vec![], vec![]);
+    let schedule = Schedule::Budget { budget: Budget::Spp(21), shard, before: 0.0 };
+    while let Some(samples) = begin(&mut renderer, &schedule, Duration::ZERO) {
+        iterations.push(Following::Iteration(Planned { number: renderer.rendered().end, samples }));
+        announced.push(renderer.following());
+        renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(renderer.following(), Following::Unknown, "an iteration without an announcement");
+    }
+    iterations.push(Following::Nothing);
+    assert_eq!(announced, iterations[1..]);
+    assert_eq!(renderer.film().samples(), 9, "iterations 1, 3, 5 and 7 of 2 samples, and 9 of 1");
 }

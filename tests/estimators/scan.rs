@@ -226,7 +226,9 @@ fn beams_that_share_a_render_have_the_bits_of_single_beams() {
             let settings = settings.responses(responses.clone()).build().unwrap();
             let prepared = PreparedScan::new(&scan, scene.clone(), &settings).unwrap();
             let mut measurement = Measurement::new(&device(), &scan, prepared, true).unwrap();
-            assert!(measurement.step(&Arc::default()).unwrap() && measurement.is_whole(), "one render has all beams");
+            let mut renders = 0;
+            measurement.run(false, &Arc::default(), |_| renders += 1).unwrap();
+            assert!(renders == 1 && measurement.is_whole(), "one render has all beams");
             let together = measurement.into_film().into_arrays(&scan);
 
             let single = |number: usize, seed: u32| {

@@ -10,8 +10,9 @@ use taugate::internals::image::exr_header::read_corner;
 use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_file::description_path;
 use taugate::internals::image::npy_read::{DescribedResponse, described, is_counts, is_scan, read, read_scan};
+use taugate::internals::job::memory;
 
-use crate::app::{accumulated, memory};
+use crate::app::accumulated;
 
 /// How the user can need less memory.
 pub const REMEDY: &str = "render fewer gates, or fewer pixels or points";

@@ -2,10 +2,9 @@
 
 use serde::Serialize;
 use taugate::internals::gpu::buffer_desc::mebibytes;
+use taugate::internals::job::feasible::short;
 use taugate::internals::render::{Haze, grid};
 use taugate::internals::scene::{Medium as SceneMedium, PhaseFunction, Scene};
-
-use crate::app::feasible::short;
 
 /// A medium. Lengths are in metres; numbers are means over the channels.
 #[derive(Serialize)]

@@ -3,13 +3,13 @@
 use std::fmt::Write;
 
 use taugate::internals::gpu::buffer_desc::mebibytes;
+use taugate::internals::job::feasible::{SUGGESTED_PART, short};
 use taugate::internals::settings::units::METRES_PER_NS;
 
 use super::map::{Map, Scale};
 use super::media::Medium;
 use super::pixel::{Object, Shown};
 use super::{Arrival, Memory, Render, Report};
-use crate::app::feasible::{SUGGESTED_PART, short};
 
 /// Maximum number of lines per list, such as the cameras. The JSON report lists all.
 const LISTED: usize = 20;

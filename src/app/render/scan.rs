@@ -4,33 +4,27 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
-use taugate::internals::image::scan_file::ScanFilm;
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::input::resolve;
+use taugate::internals::input::resolve::{self, Resolved};
 use taugate::internals::input::scan_table::ScanTable;
-use taugate::internals::input::scenery;
-use taugate::internals::render::MemoryPlan;
-use taugate::internals::scan::{Measurement, PreparedScan, scene_at};
+use taugate::internals::job::{Job, feasible, read};
+use taugate::internals::scan::{Measurement, PreparedScan, check_memory, scene_at};
 use taugate::internals::settings::Sampling;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::table::OutputTable;
-use taugate::{Error, ErrorKind};
 
 use super::super::interrupts::Interrupt;
-use super::super::preparation::Preparation;
 use super::super::progress::{Before, Position, duration, rays};
 use super::super::report::dropped;
 use super::super::rescue::Rescue;
-use super::super::{feasible, memory};
-use super::{
-    NotFinite, Outcome, Session, check_inputs, check_outputs, load_scene, with_saved_results, with_scene_path,
-};
+use super::{Outcome, Session, check_inputs, check_outputs, failure, with_saved_results, with_scene_path};
 
 /// Measures all pairs of points and writes the array.
-pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
+pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
     let path = output(&experiment)?;
     let scan = table.scan().map_err(Error::Settings)?;
     let scene_path = experiment.scene.clone().expect("the experiment names a scene");
@@ -40,66 +34,37 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
 
     // Load the scene and resolve the settings.
-    let mut preparation = Preparation::new();
-    let mut scene = preparation.timed("load scene", || load_scene(&experiment))?;
-    scenery::apply(&mut experiment, &mut scene)?;
-    let resolved = resolve::resolve(&experiment, &scene)?;
-    let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
-    let config = resolve::as_experiment(&experiment, &settings, &scene);
-    let printed = Experiment { output: Default::default(), ..config }.to_toml();
-    for warning in scene.warnings.iter().chain(&resolved.warnings) {
-        session.say(format!("warning: {warning}"));
-    }
+    let scene = read::scene(&experiment)?;
+    let mut job = Job::new(experiment, scene)?;
+    job.resolved.settings = job.resolved.settings.change().sampling(Sampling::Uniform).build()?;
+    let printed = job.config().to_toml();
+    job.warnings().iter().for_each(|warning| session.say(format!("warning: {warning}")));
+    let Job { experiment, scene, resolved: Resolved { settings, .. }, .. } = job;
     if experiment.output.tev.is_some() {
         session.say("note: a scan is not shown in tev, because it is no image".into());
     }
-    memory::check(&settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
-    memory::check_bytes(
-        ScanFilm::bytes(&scan, settings.responses().len(), has_variance),
-        memory::free(),
-        "the array of the scan",
-        "use fewer gates or points",
-    )?;
+    check_memory(&scan, &settings, has_variance)?;
 
     // Prepare the device.
-    let ready = preparation.timed("build BVH and tables", || PreparedScan::new(&scan, scene, &settings));
-    let ready = ready.map_err(|error| with_scene_path(error, &scene_path))?;
-    let (warnings, darkest) = preparation.timed("check lamps", || ready.warnings(&scan, &settings));
-    for warning in warnings {
-        session.say(format!("warning: {warning}"));
-    }
-    let device = preparation.timed("open device", || Device::open(experiment.render.device.as_deref()))?;
-    MemoryPlan::new(&ready.scene, &ready.settings, &ready.prepared, Some(device.info()))?.check(device.info())?;
-    preparation.timed("check points", || ready.check_points(&device, &scan))?;
+    let ready = PreparedScan::new(&scan, scene, &settings).map_err(|error| with_scene_path(error, &scene_path))?;
+    let (warnings, darkest) = ready.warnings(&scan, &settings);
+    warnings.iter().for_each(|warning| session.say(format!("warning: {warning}")));
+    let device = Device::open(experiment.render.device.as_deref())?;
     let mut measurement = Measurement::new(&device, &scan, ready, has_variance)?;
-    preparation.finish();
 
     // Measure.
     session.interrupts.end_the_process_at(Interrupt::Second);
     let strict = experiment.render.strict.unwrap_or(false);
     let count = scan.laser_points.len();
-    let mut failure = None;
     let started = Instant::now();
-    while !measurement.is_whole() {
-        match measurement.step(&session.interrupts.stop) {
-            Ok(true) => {}
-            Ok(false) => break,
-            Err(error) if error.kind() == ErrorKind::Device && measurement.measured() > 0 => {
-                failure = Some(error);
-                break;
-            }
-            Err(error) => return Err(error.into()),
-        }
-        let (measured, stats) = (measurement.measured(), measurement.renderer().stats());
-        if strict && stats.dropped > 0 {
-            return Err(NotFinite { dropped: stats.dropped }.into());
-        }
-        let (samples, rays_so_far) = (measurement.samples(), stats.rays());
-        let position = Position { samples, elapsed: started.elapsed(), rays: rays_so_far, before: Before::default() };
+    let end = measurement.run(strict, &session.interrupts.stop, |measurement| {
+        let measured = measurement.measured();
+        let position = Position::of(measurement.renderer(), started.elapsed(), Before::default());
         session.progress.show(measured as f64 / count as f64, || {
             format!("point {measured} of {count}, {}", rays(position.rays_per_second()))
         });
-    }
+    });
+    let failure = failure(end?)?;
     session.progress.finish();
     let (measured, samples, film) = (measurement.measured(), measurement.samples(), measurement.film());
     if measured == 0 {

@@ -12,11 +12,12 @@ use taugate::internals::image::exr_header::{missing_layer, read_settings};
 use taugate::internals::image::npy_file::description_path;
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::read;
+use taugate::internals::job::sums::Identity;
 use taugate::internals::settings::aov::Aov;
 
 use super::outputs::check_pictures;
-use super::sums::Identity;
-use super::{Interrupt, Outcome, Session, check_pose, load_scene};
+use super::{Interrupt, Outcome, Session};
 
 /// How the first line of a frame's settings begins. The fingerprint of the input files follows. The line is a comment in TOML.
 const INPUTS: &str = "# Inputs: ";
@@ -29,11 +30,11 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
     }
     // The first frames must not be rendered if the last one is beyond the end of the animation.
     if let Some(last) = sequence.frames().next_back() {
-        check_pose(&sequence.frame(last))?;
+        read::check_pose(&sequence.frame(last))?;
     }
     // There is no result to keep yet.
     session.interrupts.end_the_process_at(Interrupt::First);
-    let notes = sequence.choose_for_all(load_scene)?;
+    let notes = sequence.choose_for_all(read::scene)?;
     notes.iter().for_each(|note| session.say(format!("note: {note}")));
     let sequence = &sequence;
     session.is_sequence = true;

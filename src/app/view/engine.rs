@@ -14,8 +14,9 @@ use std::time::{Duration, Instant};
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
+use taugate::internals::job::iterations::begin;
 use taugate::internals::render::Renderer;
-use taugate::internals::render::schedule::next_samples;
+use taugate::internals::render::schedule::Schedule;
 use taugate::internals::settings::{Budget, MAX_SECONDS};
 use taugate::internals::tev::TevStream;
 
@@ -333,20 +334,22 @@ impl Engine {
         };
         let work = &mut self.work;
         let full = &mut work.renderers.as_mut().expect("the scene is prepared").full;
-        let film = full.film();
-        let samples = next_samples(&budget, film.iterations(), film.samples(), Duration::from_secs_f64(work.seconds));
-        let end = match full.is_dark() {
-            true if film.iterations() > 0 => Some(Phase::Dark),
-            _ if samples == 0 => Some(Phase::Done),
-            _ if work.paused && film.iterations() > 0 => Some(Phase::Paused),
-            _ => None,
+        // Commands come between two iterations and during them, so the viewer has a loop of its own.
+        let samples = begin(full, &Schedule::whole(budget), Duration::from_secs_f64(work.seconds));
+        let has_image = full.film().iterations() > 0;
+        let phase = match samples {
+            _ if full.is_dark() && has_image => Phase::Dark,
+            None => Phase::Done,
+            _ if work.paused && has_image => Phase::Paused,
+            Some(samples) => return self.full_iteration(samples),
         };
-        if let Some(phase) = end {
-            let start = Instant::now();
-            self.publish_picture(phase);
-            let retry = TEV_RETRY.max(start.elapsed() * TIME_PER_PICTURE);
-            return Ok(if self.tev.is_some() { Next::WaitFor(retry) } else { Next::Wait });
-        }
+        let start = Instant::now();
+        self.publish_picture(phase);
+        let retry = TEV_RETRY.max(start.elapsed() * TIME_PER_PICTURE);
+        Ok(if self.tev.is_some() { Next::WaitFor(retry) } else { Next::Wait })
+    }
+
+    fn full_iteration(&mut self, samples: u32) -> Result<Next> {
         let start = Instant::now();
         let (is_added, effect) = self.iterate(samples)?;
         if effect.is_some_and(|effect| effect != Effect::Nothing) {

@@ -3,10 +3,10 @@
 
 use taugate::internals::error::Result;
 use taugate::internals::input::responses::chosen;
+use taugate::internals::job::feasible;
 use taugate::internals::render::{PreparedScene, TravelTimes, first_surfaces, probe};
 use taugate::internals::settings::units::Gate;
 
-use super::super::feasible;
 use super::board::{Surfaces, Topic};
 use super::engine::Engine;
 use super::message::{Arrivals, Report, Response};

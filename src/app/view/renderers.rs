@@ -2,11 +2,10 @@
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, missing_light_at_any_time};
+use taugate::internals::job::memory;
+use taugate::internals::render::{PreparedScene, Renderer, missing_light_at_any_time};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::{Responses, Settings};
-
-use super::super::memory;
 
 /// The sides of the image are divided by these numbers to give the sides of the previews, the coarsest first.
 const DIVISORS: [u32; 3] = [8, 4, 2];
@@ -28,7 +27,6 @@ impl Renderers {
     /// Prepares the scene and uploads it. Fails like [`PreparedScene::new`] and [`Renderer::from_prepared`].
     pub fn new(device: &Device, scene: &Scene, settings: &Settings) -> Result<Renderers> {
         let prepared = PreparedScene::new(scene, settings)?;
-        MemoryPlan::new(scene, settings, &prepared, Some(device.info()))?.check(device.info())?;
         let mut full = Renderer::from_prepared(device, scene, settings, &prepared)?;
         estimate_variance(&mut full, settings);
         let previews = previews(&full, scene, settings, &prepared)?;

@@ -7,11 +7,11 @@ use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
+use taugate::internals::job::preparation::Preparation;
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::values::Files;
 use taugate::internals::settings::{Budget, MAX_SPP};
 
-use super::super::preparation::Preparation;
 use super::super::progress::Before;
 use super::super::report::Report;
 use super::stage::Stage;
@@ -47,7 +47,7 @@ impl Finished<'_> {
             seconds: self.seconds,
             before: Before::default(),
             layers: &Layers::default(),
-            preparation: &Preparation::new(),
+            preparation: &Preparation::start(),
             warnings: &view.warnings,
             // The page shows all warnings.
             gate_warning: None,

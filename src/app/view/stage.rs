@@ -7,12 +7,12 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::{named, resolve, scenery};
+use taugate::internals::job::{memory, read};
 use taugate::internals::scene::{Camera, Light, Material, Medium, Scene, SkyImage};
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::setting::Taker;
 use taugate::internals::settings::table::{excluding, find};
 
-use super::super::{memory, render};
 use super::message::Change;
 
 /// Bytes per pixel of the films, the sample statistics, and the pictures for the pages.
@@ -107,7 +107,7 @@ pub struct Stage {
 impl Stage {
     /// Loads the scene of an experiment.
     pub fn new(start: Experiment) -> anyhow::Result<Stage> {
-        let mut scene = render::load_scene(&start)?;
+        let mut scene = read::scene(&start)?;
         let original = Changeable::of(&scene);
         let free = memory::free();
         let view = apply(start.clone(), &mut scene, free)?;

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use super::hash::Hash;
 
 /// Folders whose code determines an image, for given settings and scene bytes.
-pub const DECIDE: [&str; 12] = [
+pub const DECIDE: [&str; 13] = [
     "shaders",
     "src/bvh",
     "src/estimators",
     "src/gpu",
     "src/image",
     "src/input",
+    "src/job",
     "src/lightcone",
     "src/render",
     "src/scan",

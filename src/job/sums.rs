@@ -3,19 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use taugate::Error;
-use taugate::internals::error::Result;
-use taugate::internals::files::Lock;
-use taugate::internals::image::accumulation::file::{self, Parts};
-use taugate::internals::image::accumulation::{self, About, Accumulation};
-use taugate::internals::image::fingerprint;
-use taugate::internals::image::layers::Layers;
-use taugate::internals::input::experiment::Experiment;
-use taugate::internals::render::Renderer;
-use taugate::internals::render::schedule::{iterations_of, samples_in};
-use taugate::internals::scene::gltf;
-use taugate::internals::settings::shard::Shard;
-use taugate::internals::settings::{Budget, Settings};
+use crate::error::{Error, Result};
+use crate::files::Lock;
+use crate::image::accumulation::file::{self, Parts};
+use crate::image::accumulation::{self, About, Accumulation};
+use crate::image::fingerprint;
+use crate::image::layers::Layers;
+use crate::input::experiment::Experiment;
+use crate::render::Renderer;
+use crate::render::schedule::{iterations_of, samples_in};
+use crate::scene::gltf;
+use crate::settings::shard::Shard;
+use crate::settings::{Budget, Settings};
 
 /// A write of the sums takes at most this fraction of the time of a render.
 const MAX_SHARE: f64 = 0.01;

@@ -1,10 +1,9 @@
 //! Refuses work whose images or other large arrays do not fit into the free memory of this machine.
 
-use taugate::Error;
-use taugate::internals::error::Result;
-pub use taugate::internals::free_memory::free;
-use taugate::internals::image::response_film::ResponseFilm;
-use taugate::internals::settings::Settings;
+use crate::error::{Error, Result};
+pub use crate::free_memory::free;
+use crate::image::response_film::ResponseFilm;
+use crate::settings::Settings;
 
 const GIB: f64 = (1u64 << 30) as f64;
 
@@ -69,7 +68,7 @@ pub fn free_without(film: Option<&ResponseFilm>) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use taugate::internals::settings::gates::Gates;
+    use crate::settings::gates::Gates;
 
     use super::*;
 

@@ -1,30 +1,34 @@
 //! Refuses gates that no light can meet, and suggests gates that show light.
 
-use taugate::Error;
-use taugate::internals::error::Result;
-use taugate::internals::gpu::Device;
-use taugate::internals::input::resolve;
-use taugate::internals::render::{
+use crate::error::{Error, Result};
+use crate::gpu::Device;
+use crate::input::resolve;
+use crate::render::{
     MissingLight, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, missing_light, missing_light_at_any_time,
     probe,
 };
-use taugate::internals::scene::Scene;
-use taugate::internals::settings::Settings;
-use taugate::internals::settings::units::{Gate, METRES_PER_NS};
+use crate::scene::Scene;
+use crate::settings::Settings;
+use crate::settings::units::{Gate, METRES_PER_NS};
 
 /// Minimum width of a suggested gate, as a fraction of the diagonal of [`bounds`]. Without triangles: of the time from the 5th to the
 /// 95th percentile of the light.
 pub const SUGGESTED_PART: f64 = 0.02;
 
-/// Fails if the travel-time bounds show that no path can meet the gate.
-pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &PreparedScene, device: Option<&str>) -> Result<()> {
+/// Fails if the travel-time bounds show that no path can meet the gate. `open` opens the device for a probe that adds advice.
+pub fn check_gate(
+    scene: &Scene,
+    settings: &Settings,
+    prepared: &PreparedScene,
+    open: impl FnOnce() -> Result<Device>,
+) -> Result<()> {
     let bounds = TravelTimeBounds::new(prepared, settings);
     if bounds.overlaps(&settings.responses().support()) {
         return Ok(());
     }
     let bound = bounds.explain_miss(&settings.responses().support(), travel);
     // The probe only adds advice to the message. If the probe fails, the user must still read about the gate.
-    let probed = Device::open(device).and_then(|device| Probed::new(&device, scene, settings, prepared));
+    let probed = open().and_then(|device| Probed::new(&device, scene, settings, prepared));
     Err(refuse(settings, scene, &bound, probed.ok().as_ref()))
 }
 

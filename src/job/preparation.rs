@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use taugate::internals::render::{Stage, Stats};
+use crate::render::{Stage, Stats};
 
-/// A clock that starts in `new` and records the seconds of each part of the preparation.
+/// A clock that starts in `start` and records the seconds of each part of the preparation.
 pub struct Preparation {
     started: Instant,
     parts: Vec<(String, f64)>,
@@ -12,7 +12,7 @@ pub struct Preparation {
 }
 
 impl Preparation {
-    pub fn new() -> Preparation {
+    pub fn start() -> Preparation {
         Preparation { started: Instant::now(), parts: vec![], seconds: 0.0 }
     }
 
@@ -29,7 +29,7 @@ impl Preparation {
         self.seconds = self.started.elapsed().as_secs_f64();
     }
 
-    /// Seconds from `new` to `finish`; 0 before `finish`.
+    /// Seconds from `start` to `finish`; 0 before `finish`.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }

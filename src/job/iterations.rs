@@ -1,0 +1,116 @@
+//! The loop over the iterations of a render.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::render::Renderer;
+use crate::render::schedule::Schedule;
+use crate::settings::Budget;
+
+/// Adds iterations to the film of a renderer.
+pub struct Iterations<'a> {
+    pub schedule: Schedule,
+    /// Whether a sample that is not finite ends the render.
+    pub strict: bool,
+    /// Ends the render as soon as it is true.
+    pub stop: &'a Arc<AtomicBool>,
+    pub abandons: Abandons,
+}
+
+/// Which iterations are abandoned when the render has to stop. The others are completed first, which may take long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Abandons {
+    All,
+    /// None of a render of several or shaped responses, because this may clear their images.
+    SafeOnes,
+    /// As `SafeOnes`, and not the first iteration, because there is no image before it.
+    LaterOnes,
+}
+
+/// Why there are no more iterations.
+#[derive(Debug)]
+pub enum End {
+    /// The schedule has no more.
+    Complete,
+    Stopped,
+    /// This number of samples is not finite, in a strict render.
+    NotFinite(u64),
+    /// An error of the device. The film has the iterations before.
+    Failed(Error),
+}
+
+impl End {
+    /// As an error if the device failed.
+    pub fn or_error(self) -> Result<End> {
+        match self {
+            End::Failed(error) => Err(error),
+            end => Ok(end),
+        }
+    }
+}
+
+impl Iterations<'_> {
+    /// Calls `watch` after each iteration with the time since the call of this function. Fails as [`Renderer::iterate`] does. But an
+    /// error of the device is [`End::Failed`] if the film has samples.
+    pub fn run(&self, renderer: &mut Renderer, mut watch: impl FnMut(&Renderer, Duration)) -> Result<End> {
+        let (started, never) = (Instant::now(), Arc::default());
+        let is_bad = |renderer: &Renderer| self.strict && renderer.dropped() > 0;
+        // The sums that a render continues may lack samples.
+        while !is_bad(renderer) {
+            let Some(samples) = begin(renderer, &self.schedule, started.elapsed()) else { return Ok(End::Complete) };
+            if self.stop.load(Ordering::SeqCst) {
+                return Ok(End::Stopped);
+            }
+            let has_samples = renderer.film().samples() > 0;
+            let may_abandon = match self.abandons {
+                Abandons::All => true,
+                Abandons::SafeOnes => !renderer.has_responses(),
+                Abandons::LaterOnes => !renderer.has_responses() && has_samples,
+            };
+            match renderer.iterate_unless(samples, if may_abandon { self.stop } else { &never }) {
+                Ok(true) if is_bad(renderer) => break,
+                Ok(true) => watch(renderer, started.elapsed()),
+                Ok(false) => return Ok(End::Stopped),
+                Err(error) if error.kind() == ErrorKind::Device && renderer.film().samples() > 0 => {
+                    return Ok(End::Failed(error));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(End::NotFinite(renderer.dropped()))
+    }
+}
+
+/// Adds all iterations of a schedule. Fails as [`Renderer::iterate`] does; the film then has the iterations before the error.
+pub fn run(renderer: &mut Renderer, schedule: Schedule) -> Result<()> {
+    let iterations = Iterations { schedule, strict: false, stop: &Arc::default(), abandons: Abandons::All };
+    iterations.run(renderer, |_, _| {})?.or_error().map(drop)
+}
+
+/// Makes the next iteration of a schedule that of the renderer, after `elapsed` time of rendering. Announces the iteration after it.
+/// Returns the samples per pixel of the next iteration; `None` at the end.
+pub fn begin(renderer: &mut Renderer, schedule: &Schedule, elapsed: Duration) -> Option<u32> {
+    let rendered = renderer.rendered();
+    let next = schedule.next(rendered, elapsed.as_secs_f64())?;
+    if schedule.has_gaps() {
+        renderer.go_to(next.number);
+    }
+    renderer.announce(schedule.following(rendered, next));
+    Some(next.samples)
+}
+
+#[warn(missing_docs)]
+impl Renderer {
+    /// Renders iterations until the film has the samples per pixel of `budget`, or until its seconds have passed since this call. The
+    /// number of samples in each iteration is that of `taugate render`, so equal scenes and settings give equal bits. A budget of
+    /// seconds ends after the iteration whose end is nearest to it. But it has at least two iterations, unless one takes all its time.
+    /// If [`Renderer::is_dark`], it ends after two iterations.
+    ///
+    /// Fails as [`Renderer::iterate`] does. The film then has the iterations before the error. If the film has samples at the call, a
+    /// budget of seconds may end up to one iteration later.
+    pub fn render(&mut self, budget: Budget) -> Result<()> {
+        run(self, Schedule::whole(budget))
+    }
+}

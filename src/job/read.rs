@@ -1,0 +1,56 @@
+//! Reads experiments and scenes.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::input::experiment::Experiment;
+use crate::scene::Scene;
+use crate::scene::gltf::{self, Playback};
+
+/// The experiment to render, from the file `input` and the flags `typed`. If the input is an experiment file, flags take precedence
+/// over its keys. `scene` is always set.
+pub fn experiment(input: PathBuf, mut typed: Experiment) -> Result<Experiment> {
+    let extension = input.extension().unwrap_or_default().to_ascii_lowercase();
+    if extension == "toml" {
+        let experiment = typed.over(Experiment::read(&input)?);
+        if experiment.scene.is_none() {
+            let message = "names no scene; add a first line like scene = \"room.glb\"".into();
+            return Err(Error::File { path: input, message });
+        }
+        return Ok(experiment);
+    }
+    if extension != "glb" && extension != "gltf" {
+        let message = "is neither a scene (.glb, .gltf) nor an experiment (.toml)".into();
+        return Err(Error::File { path: input, message });
+    }
+    typed.scene = Some(input);
+    Ok(typed)
+}
+
+/// Loads the scene of an experiment, in the pose that the experiment selects.
+///
+/// # Panics
+/// If the experiment names no scene. So do the functions below.
+pub fn scene(experiment: &Experiment) -> Result<Scene> {
+    let (path, allowed, playback) = source(experiment);
+    gltf::load_with(path, &allowed, playback)
+}
+
+/// Fails if the scene has no pose at the time that the experiment selects.
+pub fn check_pose(experiment: &Experiment) -> Result<()> {
+    let (path, allowed, playback) = source(experiment);
+    gltf::check_pose(path, &allowed, playback)
+}
+
+/// When the animations of the scene end, in seconds; `None` if nothing moves.
+pub fn end_of_animations(experiment: &Experiment) -> Result<Option<f64>> {
+    let (path, allowed, playback) = source(experiment);
+    gltf::end_of_animations(path, &allowed, playback.animation)
+}
+
+/// The file of the scene, the folders that it may refer to, and the pose (time and animation).
+fn source(experiment: &Experiment) -> (&Path, Vec<PathBuf>, Playback<'_>) {
+    let path = experiment.scene.as_ref().expect("the experiment names a scene");
+    let input = &experiment.input;
+    (path, input.allowed(), Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() })
+}
