@@ -32,6 +32,9 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     let fixed_emitter = dispatch.emitter != NONE;
     // The subpath of a fixed emitter goes straight to the first surface. Other subpaths of the beam find the events before it.
+    if (HAS_SHEETS) {
+        follows_beam = fixed_emitter;
+    }
     let arrival = advance(&s, fixed_emitter, false, key, flight_uniforms(key));
     // Stop if the light arrives after the gate even on the shortest line to the sensor.
     if (!arrival.found || is_too_late(arrival.vertex, nearest_sensor_point(arrival.vertex.position))) {
@@ -44,7 +47,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         s.throughput *= share;
         v.throughput *= share;
         was_deterministic = false;
-        s.flags &= ~(PATH_DETERMINISTIC | PATH_LEAVES_CONNECTED);
+        s.flags &= ~PATH_DETERMINISTIC;
     }
     let depth = dispatch.bounce + 1u;
     v.flags |= depth;

@@ -19,7 +19,8 @@ struct Frame {
     // the average number of samples per pixel, times the estimator's weight for t = 1.
     splat_sample_count: f32,
     // The gate [gate_lo, gate_hi) of optical path. gate_hi is 3e38 for an open gate. With HAS_DELAYS, gate_lo is earlier than the
-    // start of the gate by the maximum delay on one segment: light may still be delayed where this bound is used.
+    // start of the gate by the maximum delay on one segment, on two with ellipsoidal connections: light may still be delayed where this
+    // bound is used.
     gate_lo: f32,
     gate_hi: f32,
     // A subpath stops once its whole path is known to take at least this time, and so to miss the gate. 3e38 switches this off.

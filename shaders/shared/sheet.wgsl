@@ -125,12 +125,16 @@ fn sheet_at(s: Surface, direction: vec3<f32>) -> Sheet {
 // see `trace`. `u`: uniform in [0, 1).
 fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f32) -> bool {
     let sheet = sheet_at(s, direction);
+    if (goes_back) {
+        // The subpath has passed the sheet or a hole in it; only the mean of both is known.
+        let covered = coverage(s);
+        let share = vec3<f32>(1.0 - covered) + covered * sheet.share;
+        let probability = 1.0 - covered + covered * sheet.probability;
+        note_sheet(t, Transit(share / max(probability, 1e-30), sheet.delay, sheet.scatters));
+        return true;
+    }
     if (sheet.probability <= 0.0) {
         return false;
-    }
-    if (goes_back) {
-        note_sheet(t, Transit(sheet.share / sheet.probability, sheet.delay, sheet.scatters));
-        return true;
     }
     if (is_shadow || (follows_beam && !sheet.scatters)) {
         note_sheet(t, Transit(sheet.share, sheet.delay, sheet.scatters));

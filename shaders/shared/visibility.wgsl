@@ -82,11 +82,13 @@ fn lets_pass(hit: Hit, key: vec4<u32>, count: u32) -> bool {
     if (hit.triangle == NONE) {
         return false;
     }
-    if ((load_triangle(hit.triangle).material & TRIANGLE_ALPHA) == 0u) {
+    let material = load_triangle(hit.triangle).material;
+    if ((material & TRIANGLE_ALPHA) == 0u) {
         return false;
     }
     if (HAS_SHEETS && goes_back) {
-        return true;
+        // The alpha of thin glass is part of its crossing, see `passes_sheet`.
+        return (material & TRIANGLE_SHEET) == 0u;
     }
     if (AT_HALF_COVERAGE) {
         return coverage(surface_at(hit.triangle, hit.u, hit.v)) < 0.5;

@@ -27,9 +27,6 @@ struct Arrival {
 fn advance(state: ptr<function, PathState>, is_direct: bool, is_sensor_subpath: bool, key: vec4<u32>, u: vec3<f32>) -> Arrival {
     var a: Arrival;
     a.carried = 1.0;
-    if (HAS_SHEETS) {
-        follows_beam = is_direct;
-    }
     let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
     a.found = hit.triangle != NONE;
     if (a.found) {

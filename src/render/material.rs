@@ -170,7 +170,7 @@ impl<'a> MaterialSet<'a> {
             material,
             is_emitter: self.emitters.include(&instance.node),
             has_tangents: !mesh.tangents.is_empty(),
-            sheet: is_sheet.then(|| source.thickness_in(&instance.transform).to_bits()),
+            sheet: is_sheet.then(|| source.thickness_in(&instance.transform, mesh).to_bits()),
         };
         let number = match self.numbers.get(&key) {
             Some(&n) => n,

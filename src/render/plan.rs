@@ -292,10 +292,13 @@ impl Plan {
         let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
         self.frame.seed = seed;
         self.frame.undelayed_lo = gate.lo as f32;
-        self.frame.gate_lo = (gate.lo - self.max_delay) as f32;
+        // An ellipsoidal connection has two segments that thin glass may delay.
+        let delayed_segments = if self.estimator.ellipsoids == Ellipsoids::None { 1.0 } else { 2.0 };
+        let max_delay = delayed_segments * self.max_delay;
+        self.frame.gate_lo = (gate.lo - max_delay) as f32;
         self.frame.gate_hi = hi;
         self.frame.rounding_allowance = rounding_allowance;
-        let width = gate.hi - gate.lo + self.max_delay;
+        let width = gate.hi - gate.lo + max_delay;
         // A detour is at least as long as the gate is wide. If the path with the detour is inside the gate, the straight connection
         // is too short for the gate. So no pair of vertices has both kinds of connections. Detours must also be longer than their
         // rounding errors. They lie outside of solids, so their travel time per length is `group_index`.

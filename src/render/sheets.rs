@@ -6,6 +6,11 @@ use crate::scene::{Material, Mesh, Scene, surrounding_indices};
 
 /// A ray is assumed to cross a curved sheet at most this often, if the sheet delays light.
 const CROSSINGS: usize = 8;
+/// Edges of a mesh that counts as one of few triangles.
+const FEW_EDGES: usize = 24;
+/// Largest thickness of a slab relative to its width, and smallest width of a pane relative to its thickness.
+const SLAB: f64 = 0.2;
+const PANE: f64 = 10.0;
 /// A segment is assumed to pass at most this many sheets that delay light.
 const MAX_DELAYS: usize = 16;
 
@@ -17,7 +22,7 @@ pub fn max_delay(scene: &Scene) -> f64 {
     for instance in &scene.instances {
         let mesh = &scene.meshes[instance.mesh as usize];
         let material = &scene.materials[mesh.material as usize];
-        let thickness = f64::from(material.thickness_in(&instance.transform));
+        let thickness = f64::from(material.thickness_in(&instance.transform, mesh));
         if thickness == 0.0 || !material.is_sheet(mesh) {
             continue;
         }
@@ -71,7 +76,15 @@ pub fn warnings(scene: &Scene) -> Vec<String> {
             continue;
         }
         let open_edges = mesh.open_edges();
-        for kind in [Kind::AlmostClosed, Kind::Water, Kind::RoughDelay, Kind::NoThickness, Kind::Scatters] {
+        for kind in [
+            Kind::Turned,
+            Kind::AlmostClosed,
+            Kind::Slab,
+            Kind::Water,
+            Kind::RoughDelay,
+            Kind::NoThickness,
+            Kind::Scatters,
+        ] {
             if kind.applies(material, mesh, open_edges) && !named.contains(&(mesh.material, kind)) {
                 named.push((mesh.material, kind));
                 warnings.push(kind.text(material, mesh, open_edges));
@@ -84,6 +97,10 @@ pub fn warnings(scene: &Scene) -> Vec<String> {
 /// What may be wrong with thin glass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
+    /// All edges have two triangles, but some of the triangles are turned around.
+    Turned,
+    /// A closed pane whose two faces count as two panes.
+    Slab,
     /// A few triangles of a solid are missing.
     AlmostClosed,
     /// An open mesh with a thickness from KHR_materials_volume: often water without a bottom, or two faces of a pane.
@@ -102,12 +119,19 @@ impl Kind {
         let is_rough = material.roughness * material.roughness >= super::material::DELTA_ALPHA;
         let thickness = material.thickness + material.volume_thickness;
         match self {
-            // A patch with few triangles has many open edges.
-            Kind::AlmostClosed => material.thin.is_none() && !mesh.is_flat() && 10 * open_edges < edges(mesh),
+            Kind::Turned => material.thin.is_none() && !mesh.is_flat() && open_edges > 0 && mesh.unpaired_edges() == 0,
+            // A patch with few triangles has many open edges, and so has a box that lacks one of its twelve triangles.
+            Kind::AlmostClosed => {
+                let share = if edges(mesh) <= FEW_EDGES { 4 } else { 10 };
+                let is_almost = share * open_edges < edges(mesh) && mesh.unpaired_edges() > 0;
+                material.thin.is_none() && !mesh.is_flat() && is_almost
+            }
+            Kind::Slab => material.thin == Some(true) && open_edges == 0 && is_slab(mesh),
             Kind::Water => {
                 material.thin.is_none()
                     && material.volume_thickness > 0.0
-                    && !Kind::AlmostClosed.applies(material, mesh, open_edges)
+                    && !is_pane(mesh, material.volume_thickness)
+                    && ![Kind::Turned, Kind::AlmostClosed].iter().any(|kind| kind.applies(material, mesh, open_edges))
             }
             Kind::RoughDelay => is_rough && thickness > 0.0,
             Kind::NoThickness => {
@@ -120,14 +144,22 @@ impl Kind {
     fn text(self, material: &Material, mesh: &Mesh, open_edges: usize) -> String {
         let (name, mesh_name) = (&material.name, &mesh.name);
         match self {
+            Kind::Turned => format!(
+                "mesh '{mesh_name}' of glass '{name}' would be closed, but some of its triangles face inwards and others outwards, so it is \
+                 thin: light passes straight on; turn its triangles to one side, or render with --thin-glass none if it is solid"
+            ),
+            Kind::Slab => format!(
+                "mesh '{mesh_name}' of glass '{name}' is thin glass with two faces, and each of them counts as a pane, so light that passes \
+                 both is dimmed and delayed twice; leave out one of the two faces"
+            ),
             Kind::AlmostClosed => format!(
                 "mesh '{mesh_name}' of glass '{name}' is almost closed ({open_edges} of {} edges are open), but open glass is thin: light \
                  passes straight on; close the mesh, or render with --thin-glass none if it is solid",
                 edges(mesh)
             ),
             Kind::Water => format!(
-                "mesh '{mesh_name}' of glass '{name}' is open and has a thickness, so it is thin glass; close the mesh if it is the \
-                 surface of water or of another solid; leave out one of two parallel faces if it is a pane"
+                "mesh '{mesh_name}' of glass '{name}' is open and has a thickness, so it is thin glass; set extras.thin = true if it is a \
+                 pane, and leave out one of two parallel faces; close the mesh if it is the surface of water or of another solid"
             ),
             Kind::RoughDelay => {
                 format!(
@@ -145,6 +177,20 @@ impl Kind {
             ),
         }
     }
+}
+
+/// Whether a mesh is a slab: its bounding box is much thinner than wide.
+fn is_slab(mesh: &Mesh) -> bool {
+    let [lo, hi] = mesh.bounds();
+    let mut sides = (hi - lo).to_array();
+    sides.sort_by(f64::total_cmp);
+    sides[0] < SLAB * sides[1]
+}
+
+/// Whether a mesh is flat and much larger than `thickness`, as a pane that is modelled as one plane. The surface of water is not.
+fn is_pane(mesh: &Mesh, thickness: f32) -> bool {
+    let [lo, hi] = mesh.bounds();
+    mesh.is_flat() && (hi - lo).max_element() > PANE * f64::from(thickness)
 }
 
 /// About the number of edges of a mesh: two triangles share an edge.
@@ -224,6 +270,17 @@ mod tests {
         open.triangles.pop();
         assert!(warned(Material::glass("ball"), open.clone()).contains("almost closed (3 of 478 edges are open)"));
         assert_eq!(warned(Material { thin: Some(true), ..Material::glass("bulb") }, open), "");
+        let mut block = cuboid(DVec3::ZERO, DVec3::ONE);
+        block.triangles[3].swap(0, 1);
+        assert!(warned(Material::glass("block"), block.clone()).contains("some of its triangles face inwards"));
+        block.triangles.remove(3);
+        assert!(warned(Material::glass("block"), block).contains("almost closed (3 of 16 edges are open)"));
+        let slab = cuboid(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.02));
+        let thin = Material { thin: Some(true), ..Material::glass("pane") };
+        assert!(warned(thin.clone(), slab).contains("each of them counts as a pane"));
+        assert_eq!(warned(thin, cuboid(DVec3::ZERO, DVec3::ONE)), "");
+        // glTF gives the thickness of a pane that is one plane.
+        assert_eq!(warned(Material { volume_thickness: 0.01, ..Material::glass("pane") }, plane()), "");
         let water = Material { volume_thickness: 1.0, ..Material::glass("water") };
         assert!(warned(water, plane()).contains("close the mesh if it is the surface of water"));
         let rough = Material { thickness: 0.01, roughness: 0.3, ..Material::glass("frosted") };

@@ -123,7 +123,7 @@ pub struct Material {
     pub thin: Option<bool>,
     /// Thickness of thin glass in metres, >= 0. It delays light.
     pub thickness: f32,
-    /// KHR_materials_volume: thickness of thin glass in the units of the mesh, >= 0. It adds to `thickness`.
+    /// KHR_materials_volume: thickness of thin glass in the units of the mesh, >= 0. It counts if `thickness` is 0.
     pub volume_thickness: f32,
 }
 
@@ -193,10 +193,21 @@ impl Material {
         self.transmits() && self.thin.unwrap_or_else(|| !mesh.is_closed())
     }
 
-    /// Thickness in metres of thin glass that `transform` places.
-    pub(crate) fn thickness_in(&self, transform: &DAffine3) -> f32 {
-        let scale = transform.matrix3.determinant().abs().cbrt();
-        (f64::from(self.thickness) + f64::from(self.volume_thickness) * scale) as f32
+    /// Thickness in metres of thin glass on `mesh` that `transform` places: [`Material::thickness`] if it is above 0, else
+    /// [`Material::volume_thickness`] times the scale. That is the scale along the normal of a flat mesh, else the mean scale.
+    pub(crate) fn thickness_in(&self, transform: &DAffine3, mesh: &Mesh) -> f32 {
+        if self.thickness > 0.0 || self.volume_thickness == 0.0 {
+            return self.thickness;
+        }
+        let matrix = transform.matrix3;
+        let scale = match mesh.plane_normal() {
+            Some(normal) => {
+                let (across, along) = normal.any_orthonormal_pair();
+                matrix.determinant().abs() / (matrix * across).cross(matrix * along).length().max(f64::MIN_POSITIVE)
+            }
+            None => matrix.determinant().abs().cbrt(),
+        };
+        (f64::from(self.volume_thickness) * scale) as f32
     }
 
     /// Whether `mesh`, which has this material, only bounds a medium. It then does not reflect, refract or colour light. `outside`: index

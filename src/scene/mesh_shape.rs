@@ -18,27 +18,41 @@ impl Mesh {
     /// Number of edges that lack a partner: a triangle that runs along the edge in the other direction. Corners at the same position
     /// count as one.
     pub(crate) fn open_edges(&self) -> usize {
+        self.edges_where(|sum, _| sum != 0)
+    }
+
+    /// Number of edges with an odd number of triangles. 0 for a closed mesh, also if some of its faces are turned around.
+    pub(crate) fn unpaired_edges(&self) -> usize {
+        self.edges_where(|_, count| count % 2 == 1)
+    }
+
+    /// Number of edges with a property: of the triangles that run along the edge, each counted as 1 or -1 by its direction, and of their
+    /// number.
+    fn edges_where(&self, has: impl Fn(i64, i64) -> bool) -> usize {
         // The sum turns -0 into 0.
         let place = |corner: u32| self.positions[corner as usize].map(|x| (x + 0.0).to_bits());
-        let mut balance: HashMap<_, i64> = HashMap::new();
+        let mut edges: HashMap<_, (i64, i64)> = HashMap::new();
         for triangle in &self.triangles {
             let [a, b, c] = triangle.map(place);
             for (from, to) in [(a, b), (b, c), (c, a)] {
-                match from < to {
-                    true => *balance.entry((from, to)).or_default() += 1,
-                    false => *balance.entry((to, from)).or_default() -= 1,
-                }
+                let (sum, count) = edges.entry((from.min(to), from.max(to))).or_default();
+                *sum += if from < to { 1 } else { -1 };
+                *count += 1;
             }
         }
         // An edge whose two ends have the same position has no direction, so it does not count.
-        balance.into_iter().filter(|((a, b), sum)| a != b && *sum != 0).count()
+        edges.into_iter().filter(|((a, b), (sum, count))| a != b && has(*sum, *count)).count()
     }
 
     /// Whether all triangles lie in one plane, as those of a window that is modelled as one plane.
     pub(crate) fn is_flat(&self) -> bool {
+        self.triangles.is_empty() || self.plane_normal().is_some()
+    }
+
+    /// Unit normal of the plane in which all triangles lie; `None` if there is no such plane. Zero if no triangle has an area.
+    pub(crate) fn plane_normal(&self) -> Option<DVec3> {
         let position = |corner: u32| Vec3::from(self.positions[corner as usize]).as_dvec3();
-        let Some(first) = self.triangles.first() else { return true };
-        let origin = position(first[0]);
+        let origin = position(self.triangles.first()?[0]);
         let corners = || self.triangles.iter().flatten().map(|&corner| position(corner) - origin);
         let normals = self.triangles.iter().map(|triangle| {
             let [a, b, c] = triangle.map(position);
@@ -47,7 +61,7 @@ impl Mesh {
         let largest = normals.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
         let normal = largest.unwrap_or(DVec3::ZERO).normalize_or_zero();
         let size = corners().map(|corner| corner.length()).fold(0.0, f64::max);
-        corners().all(|corner| corner.dot(normal).abs() <= FLATNESS * size)
+        corners().all(|corner| corner.dot(normal).abs() <= FLATNESS * size).then_some(normal)
     }
 }
 

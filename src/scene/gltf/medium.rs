@@ -83,7 +83,7 @@ pub fn add_interiors(
         if material.transmission == 0.0 {
             continue;
         }
-        let (thickness, absorption) = volume::read_volume(source, &name, warnings)?;
+        let (thickness, absorption) = volume::read_volume(source, &name, material.thickness > 0.0, warnings)?;
         material.volume_thickness = thickness;
         if let Some(absorption) = absorption {
             let sigma_a = &mut material.interior.get_or_insert_default().sigma_a;

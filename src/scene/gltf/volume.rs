@@ -24,8 +24,13 @@ impl Default for Volume {
 }
 
 /// Thickness in units of the mesh, and absorption coefficients per metre inside of meshes of a material that transmits light; `None` if
-/// nothing is absorbed. `name` names the material.
-pub fn read_volume(source: &json::Material, name: &str, warnings: &mut Warnings) -> Checked<(f32, Option<[f64; 3]>)> {
+/// nothing is absorbed. `name` names the material. `has_thickness`: whether its extras give a thickness.
+pub fn read_volume(
+    source: &json::Material,
+    name: &str,
+    has_thickness: bool,
+    warnings: &mut Warnings,
+) -> Checked<(f32, Option<[f64; 3]>)> {
     let others = source.extensions.as_ref().map(|extensions| &extensions.others);
     let volume = others.map(|others| read::<Volume>(others, "KHR_materials_volume", name)).transpose()?.flatten();
     let Some(Volume { thickness_factor, attenuation_distance, attenuation_color }) = volume else {
@@ -45,7 +50,7 @@ pub fn read_volume(source: &json::Material, name: &str, warnings: &mut Warnings)
     if attenuation_color == [1.0; 3] {
         return Ok((thickness_factor, None));
     }
-    if thickness_factor == 0.0 {
+    if thickness_factor == 0.0 && !has_thickness {
         warnings.once("thin walls", || {
             format!(
                 "materials of KHR_materials_volume with a thicknessFactor of 0 absorb nothing, because glTF calls them thin; set it \
