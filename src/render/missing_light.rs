@@ -39,7 +39,7 @@ const REACH: f64 = 0.3;
 const GATHERED: usize = 8;
 const MIN_FOUND: usize = 3;
 /// A pixel is affected if it misses more than the first share of its light, and more than the second share of the brightest pixel.
-const MIN_MISSED: f64 = 0.01;
+const MIN_MISSED: f64 = 0.02;
 const MIN_BRIGHTNESS: f64 = 1e-3;
 
 /// Light that no strategy of a render forms.
@@ -55,26 +55,41 @@ pub struct MissingLight {
     pub object: String,
     /// Whether the smooth surfaces are between lamp and scattering surface only. Estimators with light subpaths form these paths.
     pub only_before: bool,
+    /// Whether --max-depth leaves out most of this light, because each crossing of solid glass is a segment.
+    pub too_long: bool,
+    /// Whether an estimator with light subpaths would form the paths of `only_before`: not for scans or fewer strategies.
+    pub has_remedy: bool,
 }
 
 impl MissingLight {
     /// One sentence with the reason and the remedy.
     pub fn describe(&self) -> String {
-        let MissingLight { share, loss, lamp, object, only_before } = self;
+        let MissingLight { share, loss, lamp, object, only_before, too_long, has_remedy } = self;
         let pixels = match 100.0 * share {
             percent if percent < 1.0 => "less than 1 % of the pixels miss".into(),
             percent => format!("{percent:.0} % of the pixels miss"),
         };
         let loss = format!("about {:.0} % of the direct light there", (100.0 * loss).max(1.0));
+        if *too_long {
+            return format!(
+                "{pixels} light of '{lamp}' ({loss}): it passes smooth solid glass or mirrors, such as '{object}', where each crossing is a \
+                 segment, and --max-depth leaves out paths with so many segments; use a single plane in place of a pane, which costs none, \
+                 or a larger --max-depth"
+            );
+        }
+        let remedy = match has_remedy {
+            true => "use --estimator bdpt, or a lamp with a surface",
+            false => "use a lamp with a surface, or a single plane in place of a pane",
+        };
         match only_before {
             true => format!(
                 "{pixels} light of '{lamp}' ({loss}): it passes smooth glass or mirrors, such as '{object}', before a surface scatters it to the \
-                 camera, and this render forms no such paths; use --estimator bdpt, or a lamp with a surface"
+                 camera, and this render forms no such paths; {remedy}"
             ),
             false => format!(
                 "{pixels} light of '{lamp}' ({loss}), which has no surface: the light passes smooth glass or mirrors, such as '{object}', both before \
-                 and after it is scattered, and no strategy forms such paths; use a lamp with a surface (a small emissive mesh), a \
-                 roughness of at least 0.05, or a single plane in place of a pane"
+                 and after it is scattered, and no strategy forms such paths; use a single plane in place of a \
+                 pane; or, with much more noise, a lamp with a surface (a small emissive mesh) or a roughness of at least 0.05"
             ),
         }
     }
@@ -93,6 +108,8 @@ struct Pixel {
     missing: f64,
     /// Part of `missing` whose smooth surfaces are on both sides of the scattering event.
     on_both_sides: f64,
+    /// Part of `missing` whose paths have more than max_depth segments.
+    too_long: f64,
 }
 
 /// A light ray that has scattered at an event, and its lamp.
@@ -155,6 +172,7 @@ struct Contribution {
     light: f64,
     is_missing: bool,
     on_both_sides: bool,
+    is_too_long: bool,
     lamp: usize,
     object: Option<u32>,
 }
@@ -163,8 +181,9 @@ struct Search<'a> {
     world: World<'a>,
     lamps: Vec<Lamp<'a>>,
     targets: Vec<Target>,
-    /// Whether light subpaths are connected to the camera (t = 1).
+    /// Whether light subpaths are connected to the camera (t = 1), and whether those of other estimators would be.
     connects_camera: bool,
+    may_connect_camera: bool,
     gate: Gate,
     max_depth: u32,
     unit: f64,
@@ -188,14 +207,15 @@ impl<'a> Search<'a> {
             lamps,
             targets,
             connects_camera: has_light_subpaths && settings.strategies() == Strategies::All && !is_aimed,
+            may_connect_camera: settings.strategies() == Strategies::All && !is_aimed,
             gate: settings.responses().support(),
             max_depth: settings.max_depth(),
             unit: prepared.space.unit,
         })
     }
 
-    /// The contribution of light at `event` that arrives over `smooth` smooth surfaces. `None` outside of the gate and for paths that are
-    /// too long.
+    /// The contribution of light at `event` that arrives over `smooth` smooth surfaces. `None` outside of the gate, and if not even paths of
+    /// two segments count.
     fn contribution(
         &self,
         event: &Event,
@@ -206,15 +226,24 @@ impl<'a> Search<'a> {
         object: Option<u32>,
     ) -> Option<Contribution> {
         let is_in_gate = self.lamps[lamp].is_distant() || self.gate.contains(self.unit * (event.path.tau + tau));
-        if !is_in_gate || event.path.smooth + smooth + 2 > self.max_depth {
+        let crossings = event.path.smooth + smooth;
+        let is_too_long = crossings + 2 > self.max_depth;
+        if !is_in_gate || (is_too_long && crossings == 0) {
             return None;
         }
         let after = event.path.smooth > 0;
         let is_cut_off_from_lamp = smooth > 0 || self.lamps[lamp].is_beam();
         let is_cut_off_from_camera = after || !self.connects_camera;
-        let is_missing = (after || smooth > 0) && is_cut_off_from_lamp && is_cut_off_from_camera;
+        let is_missing = crossings > 0 && (is_too_long || is_cut_off_from_lamp && is_cut_off_from_camera);
         let object = event.path.object.or(object);
-        Some(Contribution { light: event.path.weight * irradiance, is_missing, on_both_sides: after, lamp, object })
+        Some(Contribution {
+            light: event.path.weight * irradiance,
+            is_missing,
+            on_both_sides: after,
+            is_too_long,
+            lamp,
+            object,
+        })
     }
 
     fn straight(&self, event: &Event) -> Vec<Contribution> {
@@ -312,7 +341,7 @@ struct Found {
 
 impl Found {
     fn add(&mut self, pixel: usize, contribution: Contribution) {
-        let Contribution { light, is_missing, on_both_sides, lamp, object } = contribution;
+        let Contribution { light, is_missing, on_both_sides, is_too_long, lamp, object } = contribution;
         let pixel = &mut self.pixels[pixel];
         if !is_missing {
             pixel.formed += light;
@@ -320,6 +349,7 @@ impl Found {
         }
         pixel.missing += light;
         pixel.on_both_sides += if on_both_sides { light } else { 0.0 };
+        pixel.too_long += if is_too_long { light } else { 0.0 };
         self.lamps[lamp] += light;
         if let Some(object) = object {
             *self.objects.entry(object).or_default() += light;
@@ -341,6 +371,8 @@ impl Found {
             share: affected.len() as f64 / self.pixels.len() as f64,
             lamp: search.lamps[lamp].light.node.clone(),
             object,
+            too_long: sum(|pixel| pixel.too_long) > 0.5 * sum(|pixel| pixel.missing),
+            has_remedy: search.may_connect_camera,
             only_before: affected.iter().all(|pixel| pixel.on_both_sides <= MIN_MISSED * pixel.missing),
         })
     }

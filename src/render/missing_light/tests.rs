@@ -42,8 +42,10 @@ fn a_wall_behind_a_pane_misses_the_light_of_a_headlamp() {
         "100 % of the pixels miss light of 'headlamp' (about 100 % of the direct light there), which has no surface"
     ));
     // The path has 6 segments and takes 8.02 m.
-    assert_eq!(found_with(&scene, |settings| settings.max_depth(5)), None);
-    assert!(found_with(&scene, |settings| settings.max_depth(6)).is_some());
+    let with_depth = |depth| found_with(&scene, |settings| settings.max_depth(depth)).unwrap();
+    assert!(with_depth(5).too_long && !with_depth(6).too_long);
+    let text = with_depth(2).describe();
+    assert!(text.contains("--max-depth leaves out paths") && text.contains("100 % of the pixels"), "{text}");
     let gate = |lo, hi| found_with(&scene, |settings| settings.gate(Gate { lo, hi }));
     assert!(gate(8.0, 8.1).is_some() && gate(9.0, 10.0).is_none() && gate(7.0, 8.01).is_none());
 }
