@@ -11,7 +11,7 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
 pub use lock::Lock;
-pub use temporary::{folder as temporary_folder, remove_left_over};
+pub use temporary::{folder as temporary_folder, has_left_over, remove_left_over};
 
 /// Maximum number of symbolic links that lead from one to the next, as in Linux.
 const MAX_LINKS: usize = 40;

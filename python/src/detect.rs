@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use serde_json::{Value, json};
 use taugate::internals::detector::light::{Light, Values, counts};
 use taugate::internals::detector::{Blind, Detector};
+use taugate::internals::image::array_set::forget_arrays;
 use taugate::internals::image::npy_file::COUNTS;
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, ScanArray};
 use taugate::internals::settings::optical_path::OpticalPath;
@@ -47,6 +48,9 @@ fn run(
     let (photons, pulses, efficiency, dark_rate, jitter, dead_time, first_photon) = numbers;
     let wrong = |e: serde_json::Error| settings(format!("the description of the light cannot be read: {e}"));
     let mut about: Value = serde_json::from_str(description).map_err(wrong)?;
+    if about["unit"] == COUNTS {
+        return Err(settings("these are counts of a detector, not light; give the light that they were drawn from"));
+    }
     let gates: Vec<DescribedResponse> = serde_json::from_value(about["responses"].clone()).map_err(wrong)?;
     let values = match (&shape[..], about["axes"].as_str().is_some_and(|axes| axes.starts_with("response"))) {
         (_, true) => Values::Scan(ScanArray { shape, values }),
@@ -81,6 +85,7 @@ fn run(
     };
     let counts = counts(&detector, &light, background, mono, seed)?;
     let shape = light.shape(mono);
+    about.as_object_mut().map(forget_arrays);
     about["unit"] = COUNTS.into();
     about["shape"] = shape.clone().into();
     about["detector"] = json!({

@@ -6,7 +6,7 @@ use std::time::Instant;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use serde_json::Value;
-use taugate::internals::image::array_set::{self, ArraySet, Role};
+use taugate::internals::image::array_set::{self, ArraySet, Role, forget_arrays};
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::scan_file::ScanArrays;
 use taugate::internals::job::{Job, feasible};
@@ -42,35 +42,43 @@ pub fn scan<'py>(
     Ok((arrays.transpose()?, shown(&warnings), interrupt))
 }
 
-/// Writes the array of a scan, its variances and its description (JSON) as the command line does: all of them or none.
+/// Writes the array of a scan, its variances, its layers (the bytes of their `.npy` file) and its description (JSON) as the command line
+/// does: all of them or none.
 #[pyfunction]
-#[pyo3(signature = (path, data, variance, description))]
+#[pyo3(signature = (path, data, variance, layers, description))]
 pub fn write_scan(
     py: Python<'_>,
     path: PathBuf,
     data: PyReadonlyArrayDyn<'_, f32>,
     variance: Option<PyReadonlyArrayDyn<'_, f32>>,
+    layers: Option<&[u8]>,
     description: &str,
 ) -> PyResult<()> {
     let mut about: Value = serde_json::from_str(description)
         .map_err(|e| PyErr::from(mistake(format!("the description is no JSON: {e}"))))?;
     let object = about.as_object_mut().ok_or_else(|| PyErr::from(mistake("the description must be a dict")))?;
     // The record of a scan that was loaded is that of the earlier files.
-    object.remove("files");
+    match layers {
+        Some(_) => drop(object.remove("files")),
+        None => forget_arrays(object),
+    }
     let mut set = ArraySet::new(&path);
     for (role, array) in [(Role::Array, Some(data)), (Role::Variance, variance)] {
         let Some(array) = array else { continue };
         set.add(role, array.shape(), array.as_array().iter().copied()).map_err(Failure::from)?;
     }
+    if let Some(layers) = layers {
+        set.add_with(Role::Layers, |writer| writer.write_all(layers)).map_err(Failure::from)?;
+    }
     Ok(py.detach(|| set.publish(&about)).map_err(Failure::from)?)
 }
 
-/// Fails if the array `path`, or an array beside it, is not the one that the JSON file describes. Returns the path of the variances, if
-/// there are any.
+/// Fails if the array `path`, or an array beside it, is not the one that the JSON file describes. Returns the paths of the variances and
+/// of the layers, if there are any.
 #[pyfunction]
-pub fn check_scan(py: Python<'_>, path: PathBuf) -> PyResult<Option<PathBuf>> {
+pub fn check_scan(py: Python<'_>, path: PathBuf) -> PyResult<(Option<PathBuf>, Option<PathBuf>)> {
     py.detach(|| array_set::check_files(&path)).map_err(Failure::from)?;
-    Ok(array_set::beside(&path, Role::Variance))
+    Ok((array_set::beside(&path, Role::Variance), array_set::beside(&path, Role::Layers)))
 }
 
 struct Measured {

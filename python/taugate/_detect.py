@@ -31,7 +31,7 @@ class Counts:
         path = pathlib.Path(path)
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy")
-        _native.write_scan(path, self.data, None, json.dumps(self.description))
+        _native.write_scan(path, self.data, None, None, json.dumps(self.description))
 
     def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray:
         return np.array(self.data, dtype=dtype or np.float32)
@@ -76,6 +76,12 @@ def detect(
     return Counts(counts, description)
 
 
+def _crop(image):
+    """The part of the whole image that an image shows, and the size of the whole image."""
+    description = json.loads(image._native.description())
+    return description["crop"], description["resolution"]
+
+
 def _background(background, light):
     """R, G, B of the background per pixel."""
     is_scan = isinstance(light, Scan)
@@ -83,6 +89,8 @@ def _background(background, light):
     if isinstance(background, Image):
         if background.gate != (0.0, float("inf")):
             raise SettingsError("the background has a gate, but daylight has none; render it without a gate")
+        if not is_scan and _crop(background) != _crop(light):
+            raise SettingsError("the background shows another part of the image than the light; render it with the same crop")
         background = background.pixels
     values = np.asarray(background, np.float32)
     shape = (pixels, 3) if is_scan else (*light.pixels.shape[:2], 3)

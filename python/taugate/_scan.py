@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import pathlib
@@ -28,10 +29,17 @@ class Scan:
     ``data`` is a float32 array: (T, points) for a confocal scan, else (T, points of the laser, points of the sensor). It holds the radiance of
     the points in W/(m^2 sr), as the mean of red, green and blue. Points that an interrupt left out are NaN. ``variance`` has the
     same shape; ``None`` if the scan had no ``variance=True``. ``description`` is the JSON of the program: positions, gates, settings.
+    ``layers`` are the auxiliary layers of a scan that the program made with ``--aov``: an array with one field per layer, else ``None``.
     """
 
-    def __init__(self, data: np.ndarray, description: dict[str, Any], variance: Optional[np.ndarray] = None) -> None:
-        self.data, self.description, self.variance = data, description, variance
+    def __init__(
+        self,
+        data: np.ndarray,
+        description: dict[str, Any],
+        variance: Optional[np.ndarray] = None,
+        layers: Optional[np.ndarray] = None,
+    ) -> None:
+        self.data, self.description, self.variance, self.layers = data, description, variance, layers
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scan:
@@ -41,21 +49,26 @@ class Scan:
         description = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         if "laser_points" not in description:
             raise SettingsError(f"{path} is no scan, but an image")
-        of_variance = _native.check_scan(path)
-        data, variance = np.load(path), np.load(of_variance) if of_variance else None
+        data = np.load(path)
+        variance, layers = (np.load(beside) if beside else None for beside in _native.check_scan(path))
         if variance is not None and variance.shape != data.shape:
             # The file is from an older scan of the same name, by a version that recorded no check sums.
             variance = None
-        return cls(data, description, variance)
+        return cls(data, description, variance, layers)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the array (.npy), its description (.json), and its variances (.variance.npy): all of them or none. If there are no
-        variances, those of an older scan are removed."""
+        """Writes the array (.npy), its description (.json), its variances (.variance.npy) and its layers (.aov.npy): all of them or none.
+        Variances and layers of an older scan are removed if there are no new ones."""
         path = pathlib.Path(path)
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
         arrays = [None if array is None else np.asarray(array, np.float32) for array in (self.data, self.variance)]
-        _native.write_scan(path, *arrays, json.dumps(self.description))
+        layers = None
+        if self.layers is not None:
+            written = io.BytesIO()
+            np.save(written, self.layers)
+            layers = written.getvalue()
+        _native.write_scan(path, *arrays, layers, json.dumps(self.description))
 
     @property
     def is_confocal(self) -> bool:

@@ -52,6 +52,13 @@ def test_wrong_arguments_have_the_message_of_the_program(settings, part):
         taugate.detect(light, **settings)
 
 
+def test_counts_are_no_light_and_daylight_has_the_crop_of_the_light():
+    light = taugate.render(SCENES / "cornell-box.glb", gate="6m..7m", crop=(0, 4, 0, 6), **SETTINGS)
+    daylight = taugate.render(SCENES / "cornell-box.glb", crop=(4, 8, 0, 6), **SETTINGS)
+    with pytest.raises(taugate.SettingsError, match="another part of the image"):
+        taugate.detect(light, 1e3, background=daylight)
+
+
 def test_scans_are_counted():
     data = np.arange(6, dtype=np.float32).reshape(3, 2)
     gate = {"name": "g", "gate_begin_m": 0, "gate_end_m": 1, "weight_integral_m": 1}
@@ -59,3 +66,5 @@ def test_scans_are_counted():
     scan = taugate.Scan(data, {"axes": "response, point", "responses": gates, "laser_points": [[0, 0, 0]] * 2})
     counts = taugate.detect(scan, 1e6)
     assert counts.data.shape == (3, 2) and np.allclose(counts.data, 1e6 * data, rtol=0.01)
+    with pytest.raises(taugate.SettingsError, match="counts of a detector, not light"):
+        taugate.detect(taugate.Scan(counts.data, counts.description), 1.0)

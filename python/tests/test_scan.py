@@ -49,6 +49,21 @@ def test_a_scan_has_the_bits_of_the_program(program, tmp_path):
     assert np.allclose(scan.edges, np.linspace(1.9, 3.9, 11))
 
 
+def test_layers_of_a_scan_stay_with_it(tmp_path):
+    path = tmp_path / "scan.npy"
+    description = {"laser_points": [[0, 0, 0]] * 2, "aov": ["range"], "unit": "W/(m^2 sr)", "shape": [3, 2]}
+    layers = np.array([(1.5,), (2.5,)], dtype=[("range", "<f4")])
+    taugate.Scan(np.ones((3, 2), np.float32), description, layers=layers).save(path)
+    loaded = taugate.Scan.load(path)
+    assert np.array_equal(loaded.layers, layers) and loaded.description["aov"] == ["range"]
+    loaded.save(path)
+    assert np.array_equal(taugate.Scan.load(path).layers, layers)
+    loaded.layers = None
+    loaded.save(path)
+    assert taugate.Scan.load(path).layers is None and "aov" not in taugate.Scan.load(path).description
+    assert sorted(os.listdir(tmp_path)) == ["scan.json", "scan.npy"]
+
+
 def test_an_array_without_variances_leaves_no_older_variances(tmp_path):
     path = tmp_path / "scan.npy"
     description = {"laser_points": [[0, 0, 0]] * 2}

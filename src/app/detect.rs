@@ -10,10 +10,10 @@ use taugate::Error;
 use taugate::internals::detector::light::counts;
 use taugate::internals::detector::{Blind, Detector};
 use taugate::internals::files::check_writable;
-use taugate::internals::image::array_set::{ArraySet, Role};
+use taugate::internals::image::array_set::{ArraySet, Role, forget_arrays, names};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
-use taugate::internals::image::npy_file::{COUNTS, description_path, paths_beside};
+use taugate::internals::image::npy_file::{COUNTS, description_path};
 use taugate::internals::image::png_file;
 use taugate::internals::job::memory;
 use taugate::internals::settings::exposure::Exposure;
@@ -30,16 +30,12 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     let detector = detector(args)?;
     let png = picture_path(args)?;
     let description = description_path(&args.output);
-    let [variances, depths] = paths_beside(&args.output);
     check_writable(&args.output)?;
     check_writable(&description)?;
     let same =
         |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
-    if [&args.output, &description, &variances, &depths]
-        .into_iter()
-        .chain(&png)
-        .any(|file| same(file, &args.input) || same(file, &description_path(&args.input)))
-    {
+    let of_light = names(&args.input);
+    if names(&args.output).iter().chain(&png).any(|file| of_light.iter().any(|of_light| same(file, of_light))) {
         return Err(
             Error::settings(format!("{} would replace the light; choose another name", args.output.display())).into()
         );
@@ -193,8 +189,8 @@ fn background(text: Option<&str>, input: &Input) -> Result<Vec<[f32; 3]>, Error>
 /// The description of the counts: the description of the radiance, with the detector added.
 fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
     let mut description = input.description.clone();
-    // The record of the arrays is that of the light.
-    description.as_object_mut().expect("a description is an object").remove("files");
+    // The arrays beside the light are not beside the counts.
+    forget_arrays(description.as_object_mut().expect("a description is an object"));
     description["unit"] = COUNTS.into();
     description["shape"] = shape.into();
     description["detector"] = json!({

@@ -77,11 +77,13 @@ pub fn run(args: &HistogramArgs) -> anyhow::Result<ExitCode> {
         }
         check_writable(plot)?;
     }
-    let (array, channels) = read_with_mono(&args.array)?;
-    // Only a detector has a single channel.
-    let quantity = Quantity { is_counts: channels == 1 || is_counts(&args.array), channels };
-    let variances = variances(&args.array, &array)?;
-    let rows = rows(args.pixel, &array, variances.as_ref(), described(&args.array, array.images()), quantity)?;
+    let (quantity, rows) = array_set::read_whole(&args.array, || {
+        let (array, channels) = read_with_mono(&args.array)?;
+        // Only a detector has a single channel.
+        let quantity = Quantity { is_counts: channels == 1 || is_counts(&args.array), channels };
+        let variances = variances(&args.array, &array)?;
+        Ok((quantity, rows(args.pixel, &array, variances.as_ref(), described(&args.array, array.images()), quantity)?))
+    })?;
     let title = match args.pixel {
         Some(Pixel([x, y])) => format!("pixel {x},{y} of {}", args.array.display()),
         None => format!("mean over all pixels of {}", args.array.display()),

@@ -118,6 +118,9 @@ impl Session {
     pub fn render(&mut self, experiment: Experiment) -> anyhow::Result<Outcome> {
         let scene_path = experiment.scene.clone().expect("the experiment names a scene");
         let outputs = resolve::outputs(&experiment)?;
+        if self.is_sequence {
+            sequence::remove_cut_off(&outputs)?;
+        }
         check_outputs(&outputs)?;
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.

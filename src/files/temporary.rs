@@ -6,7 +6,7 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
@@ -76,21 +76,29 @@ fn hold(lock: &File, path: &Path) -> bool {
 
 /// Removes the temporaries for `output` whose processes have ended. Errors are ignored, because left-over files do no harm.
 pub fn remove_left_over(output: &Path) {
+    for (path, lock) in left_over(output) {
+        let _ = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+        drop(lock);
+    }
+}
+
+/// Whether a process ended, for example because it was killed, before it had written `output`.
+pub fn has_left_over(output: &Path) -> bool {
+    !left_over(output).is_empty()
+}
+
+/// The temporaries for `output` whose processes have ended, and their locks.
+fn left_over(output: &Path) -> Vec<(PathBuf, File)> {
     let prefix = prefix(output);
-    let Ok(entries) = fs::read_dir(folder_of(output)) else { return };
-    for entry in entries.flatten() {
+    let Ok(entries) = fs::read_dir(folder_of(output)) else { return vec![] };
+    let lock_of = |entry: fs::DirEntry| {
         let name = entry.file_name();
         let is_ours = name.to_str().is_some_and(|name| name.starts_with(&prefix) && name.ends_with(SUFFIX));
-        let (true, Ok(kind)) = (is_ours, entry.file_type()) else { continue };
-        if !kind.is_dir() && !kind.is_file() {
-            continue;
-        }
+        let kind = entry.file_type().ok().filter(|kind| is_ours && (kind.is_dir() || kind.is_file()))?;
         let path = entry.path();
         // Some network file systems lock a file only if it is open for writing; folders cannot be opened for writing.
-        let opened = if kind.is_dir() { File::open(&path) } else { File::options().write(true).open(&path) };
-        let Ok(lock) = opened else { continue };
-        if lock.try_lock().is_ok() {
-            let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
-        }
-    }
+        let lock = if kind.is_dir() { File::open(&path) } else { File::options().write(true).open(&path) }.ok()?;
+        lock.try_lock().is_ok().then_some((path, lock))
+    };
+    entries.flatten().filter_map(lock_of).collect()
 }

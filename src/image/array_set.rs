@@ -184,8 +184,7 @@ fn stale_arrays(path: &Path) -> Vec<PathBuf> {
     let is_ours = earlier["unit"].is_string() && earlier["shape"].is_array();
     let settings = earlier["settings"].as_str().and_then(|text| text.parse::<toml::Table>().ok());
     let is_wave = settings.is_some_and(|settings| settings.get("gate").is_some_and(|gate| gate.get("cw").is_some()));
-    let stale =
-        [(Role::Variance, is_ours), (Role::Depth, is_ours && is_wave), (Role::Layers, earlier["aov"].is_array())];
+    let stale = [(Role::Variance, is_ours), (Role::Depth, is_ours && is_wave), (Role::Layers, false)];
     stale.into_iter().filter(|(role, is_old)| *is_old || is_recorded(*role)).map(|(role, _)| role.path(path)).collect()
 }
 
@@ -195,11 +194,22 @@ pub fn description(path: &Path) -> Value {
     serde_json::from_slice(&text).unwrap_or_default()
 }
 
-/// The file `role` of the set of the array `path`, if it exists. If the JSON file has a record of the arrays, the file must be in the
-/// record; otherwise it belongs to somebody else.
+/// Removes what the JSON file of a set says about its arrays and about the layers of a scan.
+pub fn forget_arrays(description: &mut serde_json::Map<String, Value>) {
+    ["files", "aov", "objects"].into_iter().for_each(|key| drop(description.remove(key)));
+}
+
+/// The file `role` of the set of the array `path`, if it exists. Without a JSON file there is no set. If the JSON file has a record of the
+/// arrays, the file must be in the record; otherwise it belongs to somebody else.
 pub fn beside(path: &Path, role: Role) -> Option<PathBuf> {
-    let is_recorded = description(path)["files"].as_object().is_none_or(|files| files.contains_key(role.key()));
-    Some(role.path(path)).filter(|path| is_recorded && path.exists())
+    let description = description(path);
+    let is_recorded = description["files"].as_object().is_none_or(|files| files.contains_key(role.key()));
+    Some(role.path(path)).filter(|path| description.is_object() && is_recorded && path.exists())
+}
+
+/// The names of all files that the set of the array `path` may have.
+pub fn names(path: &Path) -> Vec<PathBuf> {
+    Role::ALL.into_iter().map(|role| role.path(path)).chain([description_path(path)]).collect()
 }
 
 /// Fails if the JSON file of a set describes other contents of the array `path` than `bytes`. An array without a JSON file, or
@@ -220,6 +230,19 @@ pub fn check(path: &Path, bytes: &[u8]) -> Result<()> {
     Err(Error::File { path: path.into(), message })
 }
 
+/// The result of `read`, which reads files of the set of the array `path`. Fails if another process replaces the set meanwhile.
+pub fn read_whole<T>(path: &Path, read: impl FnOnce() -> Result<T>) -> Result<T> {
+    let before = description(path);
+    let result = read()?;
+    match description(path) == before {
+        true => Ok(result),
+        false => Err(Error::File {
+            path: path.into(),
+            message: "was replaced while it was read; read it again when the process that writes it has ended".into(),
+        }),
+    }
+}
+
 /// Fails as [`check`] does, for each file of the set of the array `path`.
 pub fn check_files(path: &Path) -> Result<()> {
     for file in Role::ALL.into_iter().filter_map(|role| beside(path, role)) {
@@ -229,18 +252,19 @@ pub fn check_files(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The JSON file of the set that the array `path` is in, and its role there; `None` without such a file.
+/// The JSON file of the set that the array `path` is in, and its role there; `None` without such a file. A file that is recorded beside
+/// another array belongs to that array, even if it has a JSON file of its own name.
 fn set_of(path: &Path) -> Option<(PathBuf, Role)> {
-    let own = description_path(path);
-    if own.exists() {
-        return Some((own, Role::Array));
-    }
-    let stem = Path::new(path.file_stem()?);
-    let role = [Role::Variance, Role::Depth, Role::Layers]
-        .into_iter()
-        .find(|role| stem.extension().is_some_and(|e| e == role.key()))?;
-    let json = path.with_file_name(stem).with_extension("json");
-    json.exists().then_some((json, role))
+    let beside_another = || {
+        let stem = Path::new(path.file_stem()?);
+        let is_of = |role: &Role| stem.extension().is_some_and(|extension| extension == role.key());
+        let role = [Role::Variance, Role::Depth, Role::Layers].into_iter().find(is_of)?;
+        let array = path.with_file_name(stem).with_extension("npy");
+        let is_recorded = description(&array)["files"].get(role.key()).is_some();
+        is_recorded.then(|| (description_path(&array), role))
+    };
+    let own = || Some(description_path(path)).filter(|own| own.exists()).map(|own| (own, Role::Array));
+    beside_another().or_else(own)
 }
 
 #[cfg(test)]

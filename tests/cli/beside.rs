@@ -37,6 +37,10 @@ fn a_description_or_an_array_alone_is_no_finished_frame() {
     std::fs::remove_file(here.path().join("f0.json")).unwrap();
     let again = [&["render", "scene.glb"], &SMALL[..], &flags].concat();
     fails(here.path(), &again, 2, "f0.npy exists, but has no JSON file beside it; remove it");
+    // A process that was killed before it gave the JSON file its name does not block the sequence.
+    std::fs::write(here.path().join(".taugate-f0.json-1-a.tmp"), "").unwrap();
+    assert!(render(here.path(), "scene.glb", &flags).contains("1 of 2 frames exist with the same settings"));
+    assert!(here.path().join("f0.json").exists() && !here.path().join(".taugate-f0.json-1-a.tmp").exists());
 }
 
 /// Images record the paths of their inputs as the user typed them. The contents of the inputs decide.

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use taugate::Error;
 use taugate::internals::detector::light::{Light, Values};
 use taugate::internals::image::accumulation::file::read_about;
+use taugate::internals::image::array_set::read_whole;
 use taugate::internals::image::exr_header::read_corner;
 use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_file::description_path;
@@ -29,6 +30,13 @@ pub struct Input {
 impl Input {
     /// Reads an array (.npy), an image (.exr) or sums (.acc).
     pub fn read(path: &Path) -> Result<Input, Error> {
+        match has_extension(path, "npy") {
+            true => read_whole(path, || Input::read_files(path)),
+            false => Input::read_files(path),
+        }
+    }
+
+    fn read_files(path: &Path) -> Result<Input, Error> {
         let fail = |message: &str| Error::File { path: path.into(), message: message.into() };
         let (values, gates) = if has_extension(path, "exr") {
             let (array, gates) = exr_responses::read(path)?;

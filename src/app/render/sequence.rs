@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use taugate::Error;
 use taugate::internals::error::Result;
+use taugate::internals::files::{has_left_over, remove};
 use taugate::internals::image::accumulation;
 use taugate::internals::image::exr_header::{missing_layer, read_settings};
 use taugate::internals::image::npy_file::description_path;
@@ -82,6 +83,13 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
 /// The settings of a frame with a first line about its inputs, so that a later command can check both.
 pub fn with_inputs(settings: &str, identity: &Identity) -> String {
     format!("{INPUTS}{}\n{settings}", identity.inputs())
+}
+
+/// Removes the array of a frame whose process was killed before the JSON file, which comes last, had its name. The file is still there under
+/// its temporary name.
+pub fn remove_cut_off(outputs: &Outputs) -> Result<()> {
+    let is_cut_off = |npy: &Path| !description_path(npy).exists() && has_left_over(&description_path(npy));
+    outputs.npy.as_deref().filter(|npy| is_cut_off(npy)).map_or(Ok(()), remove)
 }
 
 /// Whether all files of a frame exist. Its picture may be missing, because it is made from them. Fails if an image has other

@@ -96,6 +96,20 @@ fn variances_of_somebody_else_are_not_read() {
     assert_eq!(seen(&path), [Some(1.0), None, Some(1.0)]);
 }
 
+/// Another set whose array has the name of the variances has a JSON file of its own.
+#[test]
+fn variances_that_another_set_replaced_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    set(&path, 1.0, true).publish(&about(1.0)).unwrap();
+    set(&variance_path(&path), 2.0, false).publish(&about(2.0)).unwrap();
+    assert!(read(&variance_path(&path)).unwrap_err().to_string().contains("does not belong to"));
+    assert!(check_files(&path).is_err());
+    // Without its JSON file, an array has no variances.
+    std::fs::remove_file(description_path(&path)).unwrap();
+    assert_eq!(beside(&path, Role::Variance), None);
+}
+
 #[test]
 fn a_set_that_cannot_be_written_leaves_the_old_one() {
     let folder = tempfile::tempdir().unwrap();
