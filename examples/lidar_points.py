@@ -3,7 +3,7 @@
 Each beam has one point per echo in its histogram, at the centre of the echo's light. Peaks are searched in the light of all gates within
 --distance. Two peaks are two echoes if the light between them falls below half of the lower one, by more than the noise, and if they lie
 --distance apart. So a slanted wall is one echo. An echo that begins before the first gate, such as light that fog scatters near the
-laser, is left out. Noise is taken from SCAN.variance.npy (taugate render --variance), if it exists, and else estimated.
+laser, is left out. Distances are those in a medium of index 1. Noise is taken from SCAN.variance.npy (taugate render --variance), if it exists, and else estimated.
 
 The file has the fields x, y, z, intensity, echo (counted from 1) and echoes (of the beam). CloudCompare, MeshLab and Blender open it.
 With SCAN.aov.npy (--aov object,depth), object_id is the number of the object, for echoes at the surface on the axis of the beam, else 0.
@@ -15,6 +15,7 @@ import pathlib
 
 import numpy
 
+BLOCK = 4096
 KEEP = {
     "all": lambda found: found,
     "strongest": lambda found: [max(found, key=lambda echo: echo[1])],
@@ -32,9 +33,17 @@ def noise_of(light, samples, variance):
     return numpy.sqrt(square if variance is None else numpy.maximum(square, variance))
 
 
+def histograms(light, variance, samples):
+    """The light of each beam and its standard errors. Reads a block of beams at a time."""
+    for begin in range(0, light.shape[1], BLOCK):
+        # Beams that an interrupt left out have no light.
+        block, errors = (None if a is None else numpy.nan_to_num(a[:, begin : begin + BLOCK].astype(float)) for a in (light, variance))
+        yield from zip(block.T, noise_of(block, samples, errors).T)
+
+
 def echoes(light, errors, apart, sigmas):
     """The echoes of a beam, the earliest first: pairs of the position in gates and of the light. `apart`: minimum distance in gates."""
-    near = numpy.ones(2 * int(apart / 2) + 1)
+    near = numpy.ones(2 * min(int(apart / 2), (len(light) - 1) // 2) + 1)
     seen = numpy.convolve(light, near, "same")
     noise = numpy.sqrt(numpy.convolve(errors**2, near, "same"))
     around = numpy.concatenate([[0], seen, [0]])
@@ -94,16 +103,16 @@ def main():
     words.add_argument("--sigmas", type=float, default=3, help="least height of a peak in standard errors (default: 3)")
     wanted = words.parse_args()
     path = pathlib.Path(wanted.scan)
-    light = numpy.load(path).astype(float)  # gates x beams
+    light = numpy.load(path, mmap_mode="r")  # gates x beams
     about = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     if light.ndim != 2 or "bin_width_opl" not in about:
         raise SystemExit(f"{path} is no scan of beams with gates of one width")
-    light = numpy.nan_to_num(light)  # beams that an interrupt left out
+    if not about.get("account_first_and_last_bounces") or about.get("sensor", about["laser"]) != about["laser"]:
+        raise SystemExit(f"{path} is no scan of a LiDAR: its travel times must begin and end at the laser")
     variances = path.with_suffix(".variance.npy")
-    variance = numpy.nan_to_num(numpy.load(variances).astype(float)) if variances.exists() else None
+    variance = numpy.load(variances, mmap_mode="r") if variances.exists() else None
     if variance is None:
         print(f"note: there is no {variances}, so the noise is estimated; with fog, render with --variance")
-    noise = noise_of(light, about["samples"], variance)
     laser = numpy.array(about["laser"], float)
     beams = numpy.array(about["laser_points"], float) - laser
     beams /= numpy.linalg.norm(beams, axis=1, keepdims=True)
@@ -111,7 +120,7 @@ def main():
     layers = path.with_suffix(".aov.npy")
     axis = numpy.load(layers) if {"range", "object_id"} <= set(about.get("aov", [])) else None
     rows = []
-    for number, (beam, seen, errors) in enumerate(zip(beams, light.T, noise.T)):
+    for number, (beam, (seen, errors)) in enumerate(zip(beams, histograms(light, variance, about["samples"]))):
         found = echoes(seen, errors, wanted.distance / width, wanted.sigmas)
         for echo in KEEP[wanted.keep](found) if found else []:
             depth = start + width * (echo[0] + 0.5)

@@ -62,6 +62,10 @@ class _Reader(Values):
         self.given = settings
         self.scene = Scene(**settings)
         self.notes = notes
+        #: Media in boxes: the name, the medium of Mitsuba, arguments of add_medium, two corners in the world.
+        self.boxes = []
+        #: Names of shapes and the media around them.
+        self.outside = []
         self.materials, self.media, self.lights, self.sensors, self.capture = (
             kind(mi, self.note, self.textures) for kind in (Materials, Media, Lights, Sensors, Capture)
         )
@@ -76,6 +80,7 @@ class _Reader(Values):
             self.surroundings(scene)
         for k, shape in enumerate(scene.shapes()):
             self.shape(shape, self.name(shape, f"shape-{k}"))
+        self.add_boxes()
         if not captures:
             for k, emitter in enumerate(scene.emitters()):
                 self.lights.add(self.scene, emitter, self.name(emitter, f"light-{k}"))
@@ -87,7 +92,7 @@ class _Reader(Values):
                 self.scene.scan = self.capture.table(scene, sensor, integrator)
             else:
                 self.sensors.add(self.scene, sensor, name)
-            if k == 0:
+            if sensor is (captures or sensors)[0]:
                 settings.update(self.sensors.film_settings(sensor, name))
         if any(self.given.get(key) is not None for key in ("gate", "gates", "depth", "response", "cw")):
             settings.pop("gates", None)
@@ -154,7 +159,7 @@ class _Reader(Values):
         inside, outside = shape.interior_medium(), shape.exterior_medium()
         is_null = material.alpha == 0 and not material._has_textures()
         if outside is not None and outside != self.around:
-            self.note(f"the medium outside of the shape '{name}' is left out")
+            self.outside.append((name, outside))
         if is_null and shape.is_emitter():
             self.note(f"the emitter '{name}' is opaque")
             material = dataclasses.replace(material, alpha=1.0, color=(0.0, 0.0, 0.0))
@@ -163,7 +168,7 @@ class _Reader(Values):
         if is_null and not shape.is_emitter():
             medium, interior = self.media.in_box(inside, name, vertices)
             if medium is not None:
-                self.scene.add_medium(name, **medium)
+                self.boxes.append((name, inside, medium, vertices.min(axis=0), vertices.max(axis=0)))
             elif interior is not None and not _is_closed(vertices, triangles):
                 self.note(f"the medium of the shape '{name}' is left out, because the shape is not closed")
             elif interior is not None:
@@ -175,6 +180,19 @@ class _Reader(Values):
                 return dataclasses.replace(material, interior=interior)
         self.note(f"the medium of the shape '{name}' is left out")
         return material
+
+    def add_boxes(self):
+        """Adds the media in boxes. Where media overlap, the last one counts, so a box comes before the boxes inside of it."""
+        self.boxes.sort(key=lambda box: -np.prod(box[4] - box[3]))
+        for k, (name, _, medium, low, high) in enumerate(self.boxes):
+            self.scene.add_medium(name, **medium)
+            for other, _, _, other_low, other_high in self.boxes[:k]:
+                is_inside = (low >= other_low).all() and (high <= other_high).all()
+                if not is_inside and (low < other_high).all() and (high > other_low).all():
+                    self.note(f"the media of '{other}' and '{name}' overlap; there, that of '{name}' counts")
+        for name, outside in self.outside:
+            if not any(inside == outside for _, inside, *_ in self.boxes):
+                self.note(f"the medium outside of the shape '{name}' is left out")
 
     def triangles(self, shape, name):
         """Vertices in world space, triangles, normals or ``None``, and texture coordinates or ``None``; ``None`` if the shape is left out."""

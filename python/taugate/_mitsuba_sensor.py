@@ -97,6 +97,9 @@ class Sensors(Values):
         if depth is None:
             return {}
         depth = int(np.array(depth).ravel()[0])
+        if depth == 0:
+            self.note("max_depth of the integrator is 0, which gives a black image; it becomes 1, light that comes straight from emitters")
+            return {"max_depth": 1}
         return {"max_depth": depth if 0 < depth <= MAX_DEPTH else MAX_DEPTH}
 
 

@@ -82,7 +82,7 @@ def test_a_beam_without_light_has_no_point(tmp_path):
     light = np.zeros((GATES, 2), np.float32)
     light[100, 0] = 1.0
     np.save(tmp_path / "scan.npy", light)
-    about = {"laser": [0, 1, 0], "laser_points": [[0, 1, -1], [1, 1, 0]], "samples": SAMPLES}
+    about = {"laser": [0, 1, 0], "laser_points": [[0, 1, -1], [1, 1, 0]], "samples": SAMPLES, "account_first_and_last_bounces": True}
     about |= {"start_opl": 2 * START, "bin_width_opl": 2 * WIDTH}
     (tmp_path / "scan.json").write_text(json.dumps(about))
     for arguments in [[], ["--keep", "last"]]:
@@ -90,3 +90,12 @@ def test_a_beam_without_light_has_no_point(tmp_path):
         assert "1 points of 2 beams" in subprocess.run(words, capture_output=True, text=True, check=True).stdout
     *_, line = (tmp_path / "points.ply").read_text().splitlines()
     assert [float(x) for x in line.split()] == pytest.approx([0, 1, -12.05, 1, 1, 1])
+
+
+def test_few_gates_and_scans_of_a_wall(tmp_path):
+    assert lidar_points.echoes(np.array([0.0, 1.0, 0.0, 0.0]), np.full(4, 1e-3), 10, 3)
+    np.save(tmp_path / "wall.npy", np.ones((4, 2), np.float32))
+    about = {"bin_width_opl": 0.1, "start_opl": 1, "laser": [0, 0, 0], "laser_points": [[0, 0, 1]] * 2, "samples": 4}
+    (tmp_path / "wall.json").write_text(json.dumps({**about, "account_first_and_last_bounces": False}))
+    run = subprocess.run([sys.executable, EXAMPLE, tmp_path / "wall.npy", tmp_path / "p.ply"], capture_output=True, text=True)
+    assert run.returncode != 0 and "no scan of a LiDAR" in run.stderr

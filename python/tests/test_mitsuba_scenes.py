@@ -111,6 +111,20 @@ PHASES = {
 }
 
 
+@pytest.mark.parametrize("order", [("inner", "outer"), ("outer", "inner")])
+def test_of_nested_media_the_inner_one_counts(order):
+    boxes = {
+        "inner": {**CUBE, "to_world": scaled(0.2, 0.2, 0.2), "bsdf": {"type": "null"}, "interior": fog(sigma_t=5.0)},
+        "outer": {**CUBE, "bsdf": {"type": "null"}, "interior": fog()},
+    }
+    boxes["inner"]["exterior"] = fog()
+    converted = taugate.from_mitsuba({"type": "scene", **{name: boxes[name] for name in order}})
+    assert list(converted._media) == ["outer", "inner"] and not [n for n in converted.not_converted if "overlap" in n]
+    boxes["inner"]["to_world"] = moved(1, 0, 0) @ scaled(0.2, 0.2, 0.2)
+    notes = taugate.from_mitsuba({"type": "scene", **{name: boxes[name] for name in order}}).not_converted
+    assert "the media of 'outer' and 'inner' overlap; there, that of 'inner' counts" in notes
+
+
 @pytest.mark.parametrize("phase", PHASES)
 def test_fog_in_a_box_has_the_image_of_mitsuba(phase):
     box = {**CUBE, "to_world": moved(0.1, 0, 0.7) @ scaled(0.9, 0.6, 0.6)}
@@ -452,6 +466,15 @@ def test_a_capture_around_a_corner_has_the_histogram_of_mitransient(mitransient,
     assert error < 0.1, error
     # Counterexample: gates that begin one bin later.
     assert np.abs(data[:-1] * scales - truth[1:]).sum() / truth.sum() > 0.5
+
+
+def test_a_capture_keeps_its_gates_beside_another_sensor(mitransient):
+    scene = capture("single")
+    gates = taugate.from_mitsuba(scene).settings["gates"]
+    for first in (True, False):
+        preview = {"preview": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}}}
+        both = {"type": "scene", **(preview if first else {}), **scene, **preview}
+        assert taugate.from_mitsuba(both).settings["gates"] == gates
 
 
 def test_an_exhaustive_capture_and_its_mistakes(mitransient):
