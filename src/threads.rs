@@ -1,21 +1,24 @@
 //! Starts threads. Where the system allows no more threads, the result is an error and not a panic.
 
 use std::error::Error as _;
+use std::sync::OnceLock;
 use std::sync::mpsc::channel;
 use std::thread::{Builder, JoinHandle, Scope, ScopedJoinHandle};
 
 use crate::error::{Error, Result};
 
 /// Starts the threads that share work among the cores. Call this function before the first work of the process: without it, the
-/// first work would start them, and panic if that fails. Later calls do nothing.
+/// first work would start them, and panic if that fails. Later calls have the same result, because they can be started only once.
 pub fn start_pool() -> Result<()> {
-    match rayon::ThreadPoolBuilder::new().build_global() {
-        Err(error) => match error.source() {
-            Some(source) => Err(too_few(source)),
-            // They have been started already.
-            None => Ok(()),
-        },
-        Ok(()) => Ok(()),
+    static FAILURE: OnceLock<Option<String>> = OnceLock::new();
+    let start = || match rayon::ThreadPoolBuilder::new().build_global() {
+        // Without a source: they have been started already.
+        Err(error) => error.source().map(ToString::to_string),
+        Ok(()) => None,
+    };
+    match FAILURE.get_or_init(start) {
+        Some(failure) => Err(too_few(failure)),
+        None => Ok(()),
     }
 }
 
@@ -47,6 +50,6 @@ pub fn check(count: usize) -> Result<()> {
 
 fn too_few(error: &dyn std::fmt::Display) -> Error {
     Error::Device(format!(
-        "the system allows no more threads ({error}); raise the limit of processes (ulimit -u), or end others"
+        "the system allows no more threads ({error}); raise the limit of processes (ulimit -u), or end others, and start again"
     ))
 }

@@ -100,6 +100,16 @@ pub(super) fn header(path: &Path, channels: usize) -> Result<Header> {
             "has a header of {width} x {height} pixels, too many for its {length} bytes; write the image again"
         ));
     }
+    let ranges = |window: IntegerBounds| {
+        let IntegerBounds { position, size } = window;
+        [(position.x(), size.width()), (position.y(), size.height())].map(|(at, size)| (i64::from(at), size as i64))
+    };
+    let mut ranges = ranges(window(header)).into_iter().zip(ranges(header.data_window()));
+    if !ranges.all(|((a, length_a), (b, length_b))| a < b + length_b && b < a + length_a) {
+        return fail(
+            "stores no pixel of its display window; write it again with both windows in the same place".into(),
+        );
+    }
     if block_bytes(header) > MAX_BLOCK_BYTES {
         return fail(format!(
             "has blocks of {} MiB, but taugate reads at most {} MiB; write it with smaller tiles or fewer channels",

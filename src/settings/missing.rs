@@ -18,7 +18,7 @@ pub fn reason(name: &str) -> Option<&'static str> {
             "give the vertical field of view in degrees with --fov; a lens is not simulated (docs/LIMITS.md)"
         }
         "iso" | "gain" | "noise" | "read-noise" | "quantum-efficiency" => {
-            "pixels measure radiance, and taugate detect draws the counts of a detector (docs/LIMITS.md)"
+            "pixels measure radiance, and taugate detect draws the counts of a detector, with --photons, --efficiency and --dark-counts (docs/LIMITS.md)"
         }
         _ => return None,
     })

@@ -4,8 +4,8 @@ use std::fmt;
 
 use ::gltf::json::Extras;
 use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
-use serde_json::Value;
 use serde_json::value::RawValue;
+use serde_json::{Value, json};
 
 use super::document::Warnings;
 
@@ -13,8 +13,8 @@ use super::document::Warnings;
 /// an object, with members in the order of the Rust struct, so structs are not read from extras themselves.
 pub fn member(extras: &Extras, key: &str) -> Option<Value> {
     let raw = serde_json::Deserializer::from_str(extras.as_ref()?.get()).deserialize_map(Member(key)).ok()??;
-    // A value that is nested too deeply for the parser becomes one that no reader of a member accepts.
-    Some(serde_json::from_str(raw.get()).unwrap_or(Value::Bool(false))).filter(|value| !value.is_null())
+    // A value that the parser does not take, such as 1e999 or deeply nested lists, becomes one that no reader of a member accepts.
+    Some(serde_json::from_str(raw.get()).unwrap_or_else(|_| json!([null]))).filter(|value| !value.is_null())
 }
 
 /// Warns that the member `key` of the extras of `of` is ignored, because it is not `expected`.
@@ -47,8 +47,6 @@ impl<'de> Visitor<'de> for Member<'_> {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
 
     #[test]
@@ -59,7 +57,8 @@ mod tests {
             assert_eq!(of(other), None, "{other}");
         }
         let deep = format!(r#"{{"a": {}{}}}"#, "[".repeat(1000), "]".repeat(1000));
-        assert_eq!(of(&deep), Some(json!(false)));
+        assert_eq!(of(&deep), Some(json!([null])));
+        assert_eq!(of(r#"{"a": 1e999}"#), Some(json!([null])));
         assert_eq!(member(&None, "a"), None);
     }
 }

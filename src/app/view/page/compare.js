@@ -27,12 +27,20 @@ export function makeCompare({ latest, onChange }) {
   onChoice('compare', onChange);
   show();
 
-  /** Whether A is shown, or takes part in what is shown. A is compared with pictures of the same layer only. */
+  /** Whether A is shown, or takes part in what is shown. */
   const isUsed = frame => kept !== null && kept.layer === frame.layer && chosen('compare') !== 'b';
+
+  /** A is compared with pictures of the same layer only; beside others, the page shows B and offers nothing else. */
+  function offer(frame) {
+    const fits = kept !== null && kept.layer === frame.layer;
+    if (kept && !fits) choose('compare', 'b');
+    byId('compare').disabled = !fits;
+  }
 
   return {
     /** The picture to show instead of `frame`, the newest one. */
     apply(frame) {
+      offer(frame);
       if (!isUsed(frame)) return frame;
       const number = `${frame.number} ${chosen('compare')} ${count}`;
       return chosen('compare') === 'a' ? { ...kept, number } : { ...difference(frame, kept), number };
