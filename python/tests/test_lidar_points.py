@@ -93,7 +93,7 @@ def test_a_beam_without_light_has_no_point(tmp_path):
 
 
 def test_few_gates_and_scans_of_a_wall(tmp_path):
-    assert lidar_points.echoes(np.array([0.0, 1.0, 0.0, 0.0]), np.full(4, 1e-3), 10, 3)
+    assert lidar_points.echoes(np.array([0.0, 0.0, 1.0, 0.0]), np.full(4, 1e-3), 10, 3)
     np.save(tmp_path / "wall.npy", np.ones((4, 2), np.float32))
     about = {"bin_width_opl": 0.1, "start_opl": 1, "laser": [0, 0, 0], "laser_points": [[0, 0, 1]] * 2, "samples": 4}
     (tmp_path / "wall.json").write_text(json.dumps({**about, "account_first_and_last_bounces": False}))
