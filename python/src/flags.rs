@@ -60,8 +60,8 @@ fn wrong(setting: &Setting, word: &str, message: &str) -> String {
     format!("invalid value '{word}' for '{flag}': {message}")
 }
 
-/// The settings of a render by name. Each has four entries: how its flag takes values (`value`, `repeated`, `switch`, or
-/// `optional`), the value of the flag without a word, what the help text calls the value, and the help text.
+/// The settings of a render by name. Each has four entries. The first says how its flag takes values: `value`, `repeated`, `switch`, or
+/// `optional`. Then come the value of the flag without a word, what the help text calls the value, and the help text.
 #[pyfunction]
 pub fn flags(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);

@@ -120,7 +120,7 @@ impl Kind {
         let thickness = material.thickness + material.volume_thickness;
         match self {
             Kind::Turned => material.thin.is_none() && !mesh.is_flat() && open_edges > 0 && mesh.unpaired_edges() == 0,
-            // A patch with few triangles has many open edges, and so has a box that lacks one of its twelve triangles.
+            // Many edges of a patch with few triangles are open. So are those of a box that lacks one triangle.
             Kind::AlmostClosed => {
                 let share = if edges(mesh) <= FEW_EDGES { 4 } else { 10 };
                 let is_almost = share * open_edges < edges(mesh) && mesh.unpaired_edges() > 0;

@@ -147,8 +147,8 @@ struct Seen {
     /// Index of the subpath in its tile, and its sample.
     path: u32,
     sample: TileSample,
-    /// Index in the pool of the connected light vertex with the flag ELLIPSOIDAL, or SKY_VERTEX; `None` if the subpath hit an emitter or
-    /// left the scene, and always with [`Observe::Responses`].
+    /// Index in the pool of the connected light vertex, with the flag ELLIPSOIDAL; SKY_VERTEX for the sky. `None` without a connection:
+    /// the subpath hit an emitter or left the scene. Always `None` with [`Observe::Responses`].
     vertex: Option<u32>,
 }
 
