@@ -7,7 +7,7 @@ use super::preparation::Preparation;
 use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::image::layers::Layers;
-use crate::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light};
+use crate::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light, sheets};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::aov::Aov;
@@ -93,7 +93,8 @@ impl Ready {
         let is_same_render = old.change().seed(seed).responses(responses.clone()).build()? == *settings
             && renderer.can_restart(responses)
             && renderer.device().is_same(device);
-        if !is_same_render || !before.has_same_objects(&scene) {
+        // Materials on the device hold the thickness of thin glass, which changes with the scale of its mesh.
+        if !is_same_render || !before.has_same_objects(&scene) || !sheets::have_same_thickness(&before, &scene) {
             return Ok(None);
         }
         if before.has_same_places(&scene) {

@@ -34,6 +34,16 @@ pub fn max_delay(scene: &Scene) -> f64 {
     delays.iter().take(MAX_DELAYS).sum()
 }
 
+/// Whether the same objects in two scenes have the same thickness as thin glass.
+pub fn have_same_thickness(a: &Scene, b: &Scene) -> bool {
+    let thickness = |scene: &Scene, k: usize| {
+        let instance = &scene.instances[k];
+        let mesh = &scene.meshes[instance.mesh as usize];
+        scene.materials[mesh.material as usize].thickness_in(&instance.transform, mesh)
+    };
+    (0..a.instances.len()).all(|k| thickness(a, k) == thickness(b, k))
+}
+
 /// Glass of a scene whose surfaces are all thin, or all solid.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Glass {
@@ -258,6 +268,12 @@ mod tests {
         let mut scene = of(Material { volume_thickness: 0.1, ..Material::glass("pane") }, plane());
         scene.instances[0].transform = DAffine3::from_scale(DVec3::splat(3.0));
         near(max_delay(&scene), 3.0 * once);
+        // Along the plane, the scale does not count.
+        let mut wide = scene.clone();
+        wide.instances[0].transform = DAffine3::from_scale(DVec3::new(9.0, 9.0, 3.0));
+        let mut thick = scene.clone();
+        thick.instances[0].transform = DAffine3::from_scale(DVec3::splat(2.0));
+        assert!(have_same_thickness(&scene, &wide) && !have_same_thickness(&scene, &thick));
         let solid = Material { thickness: 0.1, thin: Some(false), ..Material::glass("block") };
         assert_eq!(max_delay(&of(solid, plane())), 0.0);
     }
