@@ -45,8 +45,7 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
     start.to_previous = -s.direction;
     start.flags = 1u;
     start.owner = emitter;
-    let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | 2u;
-    let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
+    let key = random_key(STREAM_ALPHA, path, frame.iteration, LIGHT_BIT, 2u, frame.seed);
     var segment = advance(&s, true, false, key, vec3<f32>(0.0)).segment;
     segment.length = 0.0;
     start.eta = s.eta;

@@ -54,8 +54,7 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     if (HAS_OWN_LASERS) {
         v.to_previous = load_aim(sensor.pixel).xyz;
     }
-    let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
-    let key = vec4<u32>(sensor.index, sensor.sample, dimension, sensor.seed);
+    let key = random_key(STREAM_ALPHA, sensor.index, sensor.sample, CONNECTION_BIT | dispatch.bounce, slot % frame.slots, sensor.seed);
     // The first slots serve the segment before q (slots.wgsl).
     if (DRAWS_IN_GATE && slot % frame.slots < frame.deterministic_count) {
         let start = segment_start(q, segments[q.owner]);
@@ -138,8 +137,7 @@ fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
     if (!(max_component(abs(value)) > 0.0)) {
         return vec4<f32>(value, NOT_TRACED);
     }
-    let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
-    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
+    let key = random_key(STREAM_ALPHA, sensor.index, sensor.sample, CONNECTION_BIT | dispatch.bounce, slot % frame.slots, frame.seed);
     let lit = trace(ray_end(q, w), w, 3e38, true, NONE, key).triangle == NONE;
     let passed = traced_transmittance(q, w, 3e38);
     return vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), select(0.0, weight, OBSERVE == OBSERVE_STRATEGIES));

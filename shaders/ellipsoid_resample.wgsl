@@ -44,8 +44,7 @@ fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);
-    let dimension = (STREAM_QUERY << 28u) | ((q.flags & VERTEX_DEPTH) << 14u) | ELLIPSOID_STREAM;
-    var rng = pcg4d(vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed)).x;
+    var rng = random_words(STREAM_QUERY, sensor.index, sensor.sample, q.flags & VERTEX_DEPTH, ELLIPSOID_STREAM, frame.seed).x;
     let slot = rank * frame.slots + frame.slots - 1u;
     // With a single tree, the 3D tree holds only punctual lights, if queries choose them. Its vertices come before those of the 4D tree.
     let lamps = frame.deterministic_count + select(0u, frame.emitter_vertex_count, QUERIED_PUNCTUAL);

@@ -54,8 +54,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     // Visibility between the vertex and the sensor.
-    let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
-    let key = vec4<u32>(dispatch.first + slot, frame.iteration, dimension, frame.seed);
+    let key = random_key(STREAM_ALPHA, dispatch.first + slot, frame.iteration, LIGHT_BIT | dispatch.bounce, 1u, frame.seed);
     if (!is_unoccluded(ray_end(v, w), to_sensor.end, key)) {
         return;
     }

@@ -27,8 +27,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     vertices[slot].flags = 0u;
 
     // Nearest surface along the ray.
-    let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
-    let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
+    let key = random_key(STREAM_ALPHA, path, frame.iteration, LIGHT_BIT | dispatch.bounce, 0u, frame.seed);
     var was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     let fixed_emitter = dispatch.emitter != NONE;
     // The subpath of a fixed emitter goes straight to the first surface. Other subpaths of the beam find the events before it.

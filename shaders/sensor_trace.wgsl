@@ -39,8 +39,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // Nearest surface along the ray.
     let sensor = sensor_sample(slot);
-    let dimension = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
-    let key = vec4<u32>(sensor.index, sensor.sample, dimension, sensor.seed);
+    let key = random_key(STREAM_ALPHA, sensor.index, sensor.sample, dispatch.bounce, 0u, sensor.seed);
     let depth = dispatch.bounce + 1u;
     var flight = flight_uniforms(key);
     if (HAS_MEDIA && depth == 1u) {

@@ -116,7 +116,7 @@ fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, us
     for (var k = 0u; k < queries; k++) {
         let spatial = frame.tree3_root != NONE && k < frame.queries;
         let root = select(frame.tree4_root, frame.tree3_root, spatial);
-        var rng = pcg4d(vec4<u32>(index, sample, (STREAM_QUERY << 28u) | (depth << 14u) | (16u + k), frame.seed)).x;
+        var rng = random_words(STREAM_QUERY, index, sample, depth, 16u + k, frame.seed).x;
         let found = descend(root, shell, spatial, &rng);
         var vertex = found.vertex;
         if (vertex != NONE) {

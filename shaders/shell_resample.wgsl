@@ -25,7 +25,7 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         if (root == NONE) {
             continue;
         }
-        var rng = pcg4d(vec4<u32>(item.index, item.sample, (STREAM_QUERY << 28u) | (item.depth << 14u) | (16u + tree), frame.seed)).x;
+        var rng = random_words(STREAM_QUERY, item.index, item.sample, item.depth, 16u + tree, frame.seed).x;
         resample(root, q, receiver, item.first + used, &rng);
         used += TIME_GROUPS;
     }

@@ -90,7 +90,21 @@ fn shared_constants() -> Vec<(&'static str, f64)> {
     [layout::constants::SHARED, material::SHARED].concat()
 }
 
-/// Compares the structs of a module with their host twins: names of fields, offsets and sizes. Returns the number of
+/// The type of the host twin of a field.
+fn host_type(module: &naga::Module, ty: naga::Handle<naga::Type>) -> String {
+    let scalar = |scalar: naga::Scalar| match scalar.kind {
+        naga::ScalarKind::Float => "f32",
+        naga::ScalarKind::Uint => "u32",
+        kind => panic!("the host has no twin of {kind:?}"),
+    };
+    match module.types[ty].inner {
+        naga::TypeInner::Scalar(of) => scalar(of).into(),
+        naga::TypeInner::Vector { size, scalar: of } => format!("[{}; {}]", scalar(of), size as u8),
+        _ => module.types[ty].name.clone().expect("a struct has a name"),
+    }
+}
+
+/// Compares the structs of a module with their host twins: names of fields, offsets, types and sizes. Returns the number of
 /// structs that have a twin, and a line for each that differs.
 fn compare_layouts(module: &naga::Module, twins: &[layout::Twin]) -> (usize, Vec<String>) {
     let mut differences = vec![];
@@ -101,10 +115,15 @@ fn compare_layouts(module: &naga::Module, twins: &[layout::Twin]) -> (usize, Vec
         };
         let Some((_, size, fields)) = twins.iter().find(|(n, ..)| *n == name) else { continue };
         seen += 1;
-        let of_shader: Vec<(String, usize)> =
-            members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
-        let of_host: Vec<(String, usize)> =
-            fields.iter().filter(|(n, _)| *n != "pad").map(|(n, o)| (n.to_string(), *o)).collect();
+        let of_shader: Vec<(String, usize, String)> = members
+            .iter()
+            .map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize, host_type(module, m.ty)))
+            .collect();
+        let of_host: Vec<(String, usize, String)> = fields
+            .iter()
+            .filter(|(name, ..)| *name != "pad")
+            .map(|(name, offset, ty)| (name.to_string(), *offset, ty.to_string()))
+            .collect();
         if of_shader != of_host || *size != *span as usize {
             differences.push(format!("{name}: shader {of_shader:?} size {span}, host {of_host:?} size {size}"));
         }
@@ -127,15 +146,15 @@ fn host_twins_have_the_layout_of_the_shaders() {
 
 #[test]
 fn a_wrong_twin_is_noticed() {
-    let mut twins = twins();
-    for (_, _, fields) in &mut twins {
-        if let Some(last) = fields.last_mut() {
-            last.1 += 4;
-        }
-    }
     let (path, text) = kernels()[0];
     let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
-    assert!(!compare_layouts(&module, &twins).1.is_empty());
+    let wrong: [fn(&mut (&'static str, usize, &'static str)); 3] =
+        [|field| field.0 = "other", |field| field.1 += 4, |field| field.2 = "[i32; 3]"];
+    for change in wrong {
+        let mut twins = twins();
+        twins.iter_mut().filter_map(|(_, _, fields)| fields.last_mut()).for_each(change);
+        assert!(!compare_layouts(&module, &twins).1.is_empty());
+    }
 }
 
 #[test]

@@ -6,10 +6,9 @@
 #import weights
 #import segment
 
-// Key of the random numbers of the connection in `slot` of the candidates. Bit 27 separates it from the keys of queries.
+// Key of the random numbers of the connection in `slot` of the candidates.
 fn ellipsoid_key(sensor: SensorSample, bounce: u32, slot: u32) -> vec4<u32> {
-    let dimension = (STREAM_QUERY << 28u) | (1u << 27u) | (bounce << 14u) | (slot % frame.slots);
-    return vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
+    return random_key(STREAM_QUERY, sensor.index, sensor.sample, CONNECTION_BIT | bounce, slot % frame.slots, frame.seed);
 }
 
 // Draws a point of the ellipsoid on the chosen triangle, if there is one. `u`: uniform in [0, 1).

@@ -23,14 +23,24 @@ fn pcg4d(key: vec4<u32>) -> vec4<u32> {
     return v;
 }
 
-// Four independent random words. `index` is the number of the pixel or of the light path. `sample` counts the pixel's samples
-// over the whole render; for a light path it is the iteration. `depth` is the bounce, and `dimension` numbers the uses within
-// the bounce. Both are below 2^14.
-fn random_words(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, seed: u32) -> vec4<u32> {
-    return pcg4d(vec4<u32>(index, sample, (stream << 28u) | (depth << 14u) | dimension, seed));
+// Bits that are added to the depth in `random_key`, so that light subpaths and connections do not share keys with sensor subpaths
+// and queries.
+const LIGHT_BIT: u32 = 0x1000u;
+const CONNECTION_BIT: u32 = 0x2000u;
+
+// The key of a use of random numbers, for `pcg4d`. `index` is the number of the pixel or of the light path. `sample` counts the
+// pixel's samples over the whole render; for a light path it is the iteration. `depth` is the bounce (below 2^12) and may have one of
+// the bits above. `dimension` numbers the uses within the bounce, and is below 2^14.
+fn random_key(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, seed: u32) -> vec4<u32> {
+    return vec4<u32>(index, sample, (stream << 28u) | (depth << 14u) | dimension, seed);
 }
 
-// Four independent uniforms in [0, 1), in steps of 2^-24. Arguments: see `random_words`.
+// Four independent random words. Arguments: see `random_key`.
+fn random_words(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, seed: u32) -> vec4<u32> {
+    return pcg4d(random_key(stream, index, sample, depth, dimension, seed));
+}
+
+// Four independent uniforms in [0, 1), in steps of 2^-24. Arguments: see `random_key`.
 fn random4(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, seed: u32) -> vec4<f32> {
     return vec4<f32>(random_words(stream, index, sample, depth, dimension, seed) >> vec4<u32>(8u)) * (1.0 / 16777216.0);
 }

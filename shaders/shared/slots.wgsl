@@ -95,7 +95,7 @@ fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot:
         }
         return n;
     }
-    let u = pcg4d(vec4<u32>(index, sample, (STREAM_QUERY << 28u) | (depth << 14u), frame.seed)).x / DETERMINISTIC_SLOTS;
+    let u = random_words(STREAM_QUERY, index, sample, depth, 0u, frame.seed).x / DETERMINISTIC_SLOTS;
     for (var i = 0u; i < DETERMINISTIC_SLOTS; i++) {
         let drawn = draw_deterministic(i * DRAW_STRATUM + u);
         write_candidate(slot + i, connectable_or_none(q, drawn.vertex), drawn.weight / f32(DETERMINISTIC_SLOTS));

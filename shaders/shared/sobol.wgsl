@@ -41,8 +41,8 @@ fn sobol2(number: u32) -> vec2<u32> {
 // Two uniforms in [0, 1), in steps of 2^-24: member `number` of the point set that pixel `index` uses for `pair` in an
 // iteration. Point sets of different pixels, iterations, pairs or seeds are independent.
 fn stratified2(index: u32, iteration: u32, number: u32, pair: u32, seed: u32) -> vec2<f32> {
-    let a = pcg4d(vec4<u32>(index, iteration, (STREAM_STRATA << 28u) | (2u * pair), seed));
-    let b = pcg4d(vec4<u32>(index, iteration, (STREAM_STRATA << 28u) | (2u * pair + 1u), seed));
+    let a = random_words(STREAM_STRATA, index, iteration, 0u, 2u * pair, seed);
+    let b = random_words(STREAM_STRATA, index, iteration, 0u, 2u * pair + 1u, seed);
     // The order of the points is shuffled, so that members with the same number in two sets are independent.
     let p = sobol2(owen_scramble(number, a.xy));
     let u = vec2<u32>(owen_scramble(p.x, b.xy), owen_scramble(p.y, b.zw));

@@ -49,8 +49,8 @@ fn check(name: &str, corners: &[Corners]) {
     let seconds = start.elapsed().as_secs_f64();
     println!("{name}: {} triangles, {} levels, {seconds:.3} s", corners.len(), bvh.levels());
     assert!(bvh.levels() <= MAX_LEVELS, "{name}: {} levels", bvh.levels());
-    // An unoptimised build of 100,000 triangles takes less than 1 s, even on a busy machine. Quadratic time would take minutes.
-    assert!(seconds < 10.0, "{name}: {seconds} s");
+    // A build of 100,000 triangles takes less than 1 s. Quadratic time would take many minutes.
+    assert!(seconds < 60.0, "{name}: {seconds} s");
     let mut order = bvh.order.clone();
     order.sort_unstable();
     assert!(order.iter().copied().eq(0..corners.len() as u32), "{name}: not every triangle once");

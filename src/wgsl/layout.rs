@@ -1,11 +1,11 @@
 //! Host twins of the structs in `shaders/`: same names, same order of fields. WGSL is the source of truth: a test reflects every
-//! kernel and compares names, offsets and sizes, and fails if a twin differs. The twin of `Material` is in `render/material.rs`,
+//! kernel and compares names, offsets, types and sizes, and fails if a twin differs. The twin of `Material` is in `render/material.rs`,
 //! beside the code that fills it in.
 
 pub const NONE: u32 = u32::MAX;
 
-/// Layout of a struct, for the layout test: name, size in bytes, and name and offset in bytes of every field.
-pub type Twin = (&'static str, usize, Vec<(&'static str, usize)>);
+/// Layout of a struct, for the layout test: name, size in bytes, and name, offset in bytes and type of every field.
+pub type Twin = (&'static str, usize, Vec<(&'static str, usize, &'static str)>);
 
 /// Declares host twins, and the function `twins()`, which returns the layout of each for the test.
 macro_rules! host_twins {
@@ -19,7 +19,11 @@ macro_rules! host_twins {
 
         /// Layouts of the twins of this file, for the layout test.
         pub fn twins() -> Vec<$crate::wgsl::layout::Twin> {
-            vec![$((stringify!($name), size_of::<$name>(), vec![$((stringify!($field), std::mem::offset_of!($name, $field))),*])),*]
+            vec![$((
+                stringify!($name),
+                size_of::<$name>(),
+                vec![$((stringify!($field), std::mem::offset_of!($name, $field), stringify!($type))),*],
+            )),*]
         }
     };
 }
@@ -104,7 +108,7 @@ host_twins! {
         normal: [f32; 3], d_vcm: f32,
         geometric: [f32; 3], d_vc: f32,
         to_previous: [f32; 3], flags: u32,
-        point_words: [f32; 3], eta: f32,
+        point_words: [u32; 3], eta: f32,
         offset: f32, select_pdf: f32, owner: u32, selection_cdf: u32,
     }
     /// `shared/path.wgsl`

@@ -70,7 +70,7 @@ fn leaves_an_image(here: &Path, delay: u64, (name, number): (&str, i32)) -> bool
     let ended = status.code() == Some(130) || status.signal() == Some(number);
     assert!(ended, "{name} after {delay} ms: {status:?}");
     assert!(
-        signalled.elapsed() < Duration::from_secs(30),
+        signalled.elapsed() < Duration::from_secs(120),
         "{name} after {delay} ms: it took {:?}",
         signalled.elapsed()
     );

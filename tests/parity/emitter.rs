@@ -56,7 +56,7 @@ fn profiles_integrate_to_one() {
             material: kind,
             geometric: vec3(axis),
             to_previous: vec3(axis),
-            point_words: [(1.0 - outer) as f32, (1.0 - inner) as f32, 0.0],
+            point_words: [((1.0 - outer) as f32).to_bits(), ((1.0 - inner) as f32).to_bits(), 0],
             ..Zeroable::zeroed()
         };
         // Half of the cells in cosine are inside the cone and half are outside, so that no cell crosses its edge.
@@ -344,7 +344,7 @@ fn an_emitter_of_a_kind_without_code_sends_nothing() {
     let unknown = Emitter { kind: 1000, select_pdf: 1.0, strength: [1.0; 3], outer: 0.5, ..Zeroable::zeroed() };
     let samples = start(unknown, 0, 64);
     assert!(samples.iter().all(|s| s[8..11] == [0.0; 3] && s[13].to_bits() == 0));
-    let v = PathVertex { material: 1000, point_words: [1.0, 0.5, 0.0], ..Zeroable::zeroed() };
+    let v = PathVertex { material: 1000, point_words: [1.0f32.to_bits(), 0.5f32.to_bits(), 0], ..Zeroable::zeroed() };
     let mut input = [0u32; 32];
     input[..28].copy_from_slice(bytemuck::cast_slice(&[v]));
     input[30] = 1f32.to_bits();

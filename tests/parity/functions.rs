@@ -156,6 +156,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("ray_axes", Caller("trace")),
     ("edge_area", Caller("trace")),
     ("plane_normal", Caller("surface_at")),
+    ("random_key", Caller("random4")),
     ("random_words", Caller("random4")),
     ("random_below", Test("parity/emitter.rs", "a_million_emitters_are_chosen_uniformly")),
     ("multiply_wide", Caller("random_below")),

@@ -40,7 +40,7 @@ fn vertex(position: DVec3, normal: DVec3, sums: [f32; 2], pcg: &mut Pcg) -> Path
         normal: vec3(normal),
         geometric: vec3(normal),
         to_previous: vec3(to_previous),
-        point_words: [BASE; 3],
+        point_words: [BASE.to_bits(); 3],
         d_vcm: sums[0],
         d_vc: sums[1],
         eta: 1.0,

@@ -83,7 +83,7 @@ pub fn vertex(pcg: &mut Pcg) -> PathVertex {
         normal: vec3(normal),
         geometric: vec3(geometric),
         to_previous: vec3(to_previous),
-        point_words: [0; 3].map(|_| pcg.range(0.1, 1.0) as f32),
+        point_words: [0; 3].map(|_| (pcg.range(0.1, 1.0) as f32).to_bits()),
         material,
         flags: if front { FRONT } else { 0 } | if transmits { VERTEX_TRANSMITS } else { 0 },
         eta: if front { 1.0 } else { set.kinds[material as usize].ior },
@@ -132,7 +132,7 @@ fn connections_agree_with_f64() {
         if [known.z, new.z, side, before.dot(geometric)].iter().any(|c| c.abs() < 0.02) {
             continue;
         }
-        let reference = set.at(v.material as usize, v.point_words.map(f64::from));
+        let reference = set.at(v.material as usize, v.point_words.map(|word| f64::from(f32::from_bits(word))));
         // No light leaks through a surface: a direction must be on the same side of both normals (Veach 1997, section 5.3).
         let open = known.z > 0.0 && side * new.z > 0.0;
         let received = before.dot(geometric).abs();
@@ -288,7 +288,7 @@ fn only_plain_mirrors_keep_a_beam_deterministic() {
         normal: up,
         geometric: up,
         to_previous: vec3(DVec3::new(0.6, 0.0, 0.8)),
-        point_words: [1.0; 3],
+        point_words: [1.0f32.to_bits(); 3],
         eta: 1.0,
         select_pdf: 1.0,
         throughput: [1.0; 3],

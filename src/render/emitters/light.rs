@@ -141,7 +141,7 @@ fn punctual(entry: Emitter, profile: u32, flux: f64) -> LightRecord {
         normal: [0.0, 0.0, 1.0],
         geometric: [0.0, 0.0, 1.0],
         to_previous: entry.direction,
-        point_words: [entry.outer, entry.inner, 0.0],
+        point_words: [entry.outer.to_bits(), entry.inner.to_bits(), 0],
         flags: VERTEX_EMITTER | VERTEX_DETERMINISTIC | VERTEX_VALID,
         ..bytemuck::Zeroable::zeroed()
     };
@@ -196,7 +196,7 @@ mod tests {
         let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-5, "{a} {b}");
         close(f64::from(vertex.throughput[0]) / distance2, 3.0);
         let area = PI * f64::from(r.entry.outer).powi(2);
-        close(f64::from(vertex.point_words[1]) / distance2, 1.0 / area);
+        close(f64::from(f32::from_bits(vertex.point_words[1])) / distance2, 1.0 / area);
         close(f64::from(r.entry.strength[0]), 3.0 * area);
         close(r.flux, 3.0 * area);
         // The light shines along -Z, so its disk is on the side of +Z, outside the sphere.
