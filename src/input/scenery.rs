@@ -6,6 +6,7 @@ mod grid;
 mod lights;
 mod medium;
 mod phase;
+mod radiance_hdr;
 mod scan;
 mod sky_image;
 
