@@ -9,6 +9,7 @@ mod animation;
 mod camera;
 mod clean;
 mod compressed;
+mod decoder;
 mod document;
 mod draco;
 mod extension;

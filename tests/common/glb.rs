@@ -78,13 +78,16 @@ impl Glb {
     }
 }
 
-/// A 2 x 2 PNG: red, green, blue, half-transparent white.
-pub fn png() -> Vec<u8> {
-    let texels = [255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255, 255, 255, 255, 128];
-    let image = image::RgbaImage::from_raw(2, 2, texels.to_vec()).unwrap();
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
-    bytes.into_inner()
+/// A PNG with rows of `width` texels.
+pub fn png(width: u32, texels: &[[u8; 4]]) -> Vec<u8> {
+    let mut bytes = vec![];
+    let mut encoder = png::Encoder::new(&mut bytes, width, texels.len() as u32 / width);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(texels.as_flattened()).unwrap();
+    writer.finish().unwrap();
+    bytes
 }
 
 /// A scene with a textured triangle, a camera, a spot light and a beam. They are children of a root node with a translation.
@@ -96,7 +99,7 @@ pub fn complete() -> Glb {
     let indices = glb.indices(&[0, 1, 2]);
     let normal = glb.floats(&[[0.0, 0.0, 2.0]; 3]);
     let uv = glb.floats(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
-    let image = glb.view(&png());
+    let image = glb.view(&png(2, &[[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255, 255, 255, 128]]));
     glb.push("images", json!({ "name": "Wood", "bufferView": image, "mimeType": "image/png" }));
     glb.push("samplers", json!({ "magFilter": 9728, "wrapS": 33071, "wrapT": 33648 }));
     glb.push("textures", json!({ "source": 0, "sampler": 0 }));

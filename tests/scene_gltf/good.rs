@@ -296,10 +296,8 @@ fn buffers_come_from_data_uris_and_files() {
 #[test]
 fn deep_pngs_and_jpegs_beside_the_scene_are_read() {
     let folder = tempfile::tempdir().unwrap();
-    let deep = image::DynamicImage::ImageLuma16(image::ImageBuffer::from_pixel(2, 1, image::Luma([0x8000])));
-    deep.save(folder.path().join("deep.png")).unwrap();
-    let grey = image::DynamicImage::ImageRgb8(image::ImageBuffer::from_pixel(8, 8, image::Rgb([128; 3])));
-    grey.save(folder.path().join("grey.jpg")).unwrap();
+    std::fs::write(folder.path().join("deep.png"), images::png([2, 1, 16, 0, 0], &[], &[0, 0x80, 0, 0x80, 0])).unwrap();
+    std::fs::write(folder.path().join("grey.jpg"), images::jpeg(images::YCBCR, &[[128; 3]])).unwrap();
     let path = folder.path().join("scene.glb");
     let mut glb = complete();
     for (file, deep) in [("deep.png", true), ("grey.jpg", false)] {

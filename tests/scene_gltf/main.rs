@@ -14,6 +14,7 @@ mod extensions;
 mod flat;
 mod good;
 mod hostile;
+mod images;
 mod materials;
 mod media;
 mod pose;

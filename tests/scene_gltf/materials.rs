@@ -207,10 +207,7 @@ fn specular_glossiness_becomes_a_coat_over_a_diffuse_base() {
 #[test]
 fn a_glossiness_texture_becomes_a_roughness_texture() {
     let mut glb = complete();
-    let mut png = std::io::Cursor::new(vec![]);
-    let texel = |x, _| image::Rgba([188, 99, 0, [0, 102, 255][x as usize]]);
-    image::RgbaImage::from_fn(3, 1, texel).write_to(&mut png, image::ImageFormat::Png).unwrap();
-    let view = glb.view(&png.into_inner());
+    let view = glb.view(&glb::png(3, &[0, 102, 255].map(|glossiness| [188, 99, 0, glossiness])));
     let image = glb.push("images", json!({ "bufferView": view }));
     let texture = json!({ "index": glb.push("textures", json!({ "source": image })) });
     extensions(&mut glb)["KHR_materials_pbrSpecularGlossiness"] =

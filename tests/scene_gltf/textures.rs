@@ -1,11 +1,10 @@
 //! Textures and their images: formats, sharing, and memory.
 
-use std::io::Cursor;
-
-use image::{DynamicImage, ImageFormat, Rgb, RgbImage};
+use image_webp::ColorType::Rgb8;
 use taugate::internals::scene::Material;
 use taugate::internals::scene::gltf::load;
 
+use super::images::webp;
 use super::*;
 #[cfg(target_os = "linux")]
 use crate::peak::{helper, peak};
@@ -30,11 +29,9 @@ fn use_texture(glb: &mut Glb, texture: usize) {
     glb.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
 }
 
-/// A 4 x 4 image of one colour.
-fn plain(color: [u8; 3], format: ImageFormat) -> Vec<u8> {
-    let mut bytes = Cursor::new(vec![]);
-    DynamicImage::ImageRgb8(RgbImage::from_pixel(4, 4, Rgb(color))).write_to(&mut bytes, format).unwrap();
-    bytes.into_inner()
+/// A 4 x 4 PNG of one colour.
+fn plain([r, g, b]: [u8; 3]) -> Vec<u8> {
+    glb::png(4, &[[r, g, b, 255]; 16])
 }
 
 /// A black PNG with one bit per pixel: `side` x `side` pixels take `side` x `side` / 250,000 bytes.
@@ -52,10 +49,10 @@ fn black_png(side: u32) -> Vec<u8> {
 #[test]
 fn images_with_the_same_data_are_decoded_once() {
     let mut glb = untextured();
-    let view = glb.view(&plain([10, 20, 30], ImageFormat::Png));
+    let view = glb.view(&plain([10, 20, 30]));
     let same_bytes = glb.json["bufferViews"][view].clone();
     let copy = glb.push("bufferViews", same_bytes);
-    let other = glb.view(&plain([30, 20, 10], ImageFormat::Png));
+    let other = glb.view(&plain([30, 20, 10]));
     for view in [view, view, copy, other] {
         glb.push("images", json!({ "bufferView": view }));
     }
@@ -72,7 +69,7 @@ fn images_with_the_same_data_are_decoded_once() {
     assert_eq!(colors, [[10, 20, 30, 255], [30, 20, 10, 255]]);
 
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("wood.png"), plain([1, 2, 3], ImageFormat::Png)).unwrap();
+    std::fs::write(folder.path().join("wood.png"), plain([1, 2, 3])).unwrap();
     let mut glb = untextured();
     for texture in 0..2 {
         glb.push("images", json!({ "uri": "wood.png" }));
@@ -87,8 +84,8 @@ fn images_with_the_same_data_are_decoded_once() {
 #[test]
 fn webp_textures_are_read() {
     let mut glb = untextured();
-    let webp = glb.view(&plain([10, 200, 30], ImageFormat::WebP));
-    let png = glb.view(&plain([1, 1, 1], ImageFormat::Png));
+    let webp = glb.view(&webp(4, Rgb8, &[10, 200, 30].repeat(16)));
+    let png = glb.view(&plain([1, 1, 1]));
     glb.push("images", json!({ "bufferView": webp, "mimeType": "image/webp" }));
     glb.push("images", json!({ "bufferView": png }));
     glb.push("textures", json!({ "source": 1, "extensions": { "EXT_texture_webp": { "source": 0 } } }));
@@ -105,7 +102,7 @@ fn webp_textures_are_read() {
 #[test]
 fn other_formats_are_refused_with_a_remedy_unless_there_is_a_second_image() {
     let mut glb = untextured();
-    let png = glb.view(&plain([1, 2, 3], ImageFormat::Png));
+    let png = glb.view(&plain([1, 2, 3]));
     let avif = glb.view(b"\0\0\0\x1cftypavif\0\0\0\0mif1miaf");
     let ktx = glb.view(b"\xabKTX 20\xbb\r\n\x1a\n\0\0\0\0");
     for view in [png, avif, ktx] {
@@ -144,7 +141,7 @@ fn a_missing_or_broken_image_file_is_named_with_its_material() {
     let name = "scene.glb: image `Wood` (the baseColorTexture of material `Paint`)";
     let message = load(&path).unwrap_err().to_string();
     assert!(message.contains(name) && message.contains("`wood.png`, which cannot be opened"), "{message}");
-    let whole = plain([1, 2, 3], ImageFormat::Png);
+    let whole = plain([1, 2, 3]);
     // The second file has a good header, but ends too early.
     for broken in [&b"no image"[..], &whole[..50]] {
         std::fs::write(folder.path().join("wood.png"), broken).unwrap();
@@ -206,7 +203,7 @@ fn images_that_are_too_large_together_are_refused_before_one_is_decoded() {
 /// A file of a hundred bytes once took a gigabyte before its end was noticed.
 #[test]
 fn images_that_are_too_short_for_their_size_are_refused_before_they_are_decoded() {
-    let mut file = plain([1, 2, 3], ImageFormat::Png);
+    let mut file = plain([1, 2, 3]);
     // Width and height are in the header, whose checksum follows.
     file[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
     let checksum = file[12..29].iter().fold(!0u32, |sum, &byte| {
@@ -225,9 +222,7 @@ fn images_that_are_too_short_for_their_size_are_refused_before_they_are_decoded(
 /// The decoder keeps a second copy of a lossless image without alpha. A file of 35 bytes once took 320 MB.
 #[test]
 fn a_large_webp_image_opens_but_not_if_it_is_too_short_for_the_memory_of_its_decoder() {
-    let mut file = Cursor::new(vec![]);
-    let image = RgbImage::from_pixel(8192, 4096, Rgb([128; 3]));
-    DynamicImage::ImageRgb8(image).write_to(&mut file, ImageFormat::WebP).unwrap();
+    let file = webp(8192, Rgb8, &vec![128; 3 * 8192 * 4096]);
     let scene = |bytes: &[u8]| {
         let mut glb = untextured();
         let view = glb.view(bytes);
@@ -236,9 +231,9 @@ fn a_large_webp_image_opens_but_not_if_it_is_too_short_for_the_memory_of_its_dec
         use_texture(&mut glb, 0);
         glb.build()
     };
-    let image = &load_slice(&scene(file.get_ref()), Path::new("test.glb")).unwrap().images[0];
+    let image = &load_slice(&scene(&file), Path::new("test.glb")).unwrap().images[0];
     assert_eq!((image.width, image.height), (8192, 4096));
-    let message = refusal(&scene(&file.get_ref()[..100]));
+    let message = refusal(&scene(&file[..100]));
     assert!(message.contains("too few for their 33554432 pixels"), "{message}");
 }
 
@@ -249,7 +244,7 @@ fn an_emission_texture_without_light_removes_the_emission() {
         [([0, 0, 0], [1, 1, 1], false), ([9, 0, 0], [0, 1, 1], false), ([0, 1, 0], [0, 1, 1], true)]
     {
         let mut glb = untextured();
-        let view = glb.view(&plain(color, ImageFormat::Png));
+        let view = glb.view(&plain(color));
         glb.push("images", json!({ "bufferView": view }));
         glb.push("textures", json!({ "source": 0 }));
         let paint = &mut glb.json["materials"][0];

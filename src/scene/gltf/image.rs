@@ -1,23 +1,20 @@
-//! Decodes PNG, JPEG and WebP images to 8-bit texels.
+//! Reads the images of textures as 8-bit texels.
 //!
 //! A small file can describe a huge image. So the headers of all images are read first, and their sizes are checked before any
 //! image is decoded.
 
 use std::borrow::Cow;
-use std::io::Cursor;
 use std::ops::Range;
 
-use ::image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 
+use super::decoder::{Decoder, Failure, MAX_SIDE, memory_of_decoder};
 use super::document::{Document, Warnings, label, printable};
 use super::resolve::Folders;
 use super::texture::{Channels, FROM_AVIF, FROM_KTX2, FROM_OTHERS, ImageUse};
-use super::{Checked, jpeg, resolve};
+use super::{Checked, resolve};
 use crate::scene::Image;
 
-/// Maximum width and height of an image in pixels.
-const MAX_SIDE: u32 = 16384;
 /// Maximum number of texels of all images together: 2 GiB, the usual limit of an array on a device.
 const MAX_TEXELS: u64 = 1 << 29;
 /// Bytes that images and their decoders may take together, however short the files are: the bytes of 8192 x 8192 texels. Together
@@ -29,8 +26,6 @@ const BYTES_PER_BYTE: u64 = 4 * 1032;
 /// Maximum number of texels of the images that are decoded at the same time, unless a single image has more. See
 /// [`memory_of_decoder`].
 const MAX_TEXELS_AT_ONCE: u64 = 1 << 25;
-/// Maximum size in bytes of the rows and the metadata that a PNG decoder keeps.
-const MAX_DECODER_BYTES: u64 = 64 << 20;
 
 /// Decodes `images`; returns them in that order.
 pub fn load(doc: &Document, folders: Folders, images: &[ImageUse], warnings: &mut Warnings) -> Checked<Vec<Image>> {
@@ -152,114 +147,69 @@ impl<'a> Source<'a> {
 
     fn header(&self) -> Checked<ImageHeader> {
         let bytes = self.bytes()?;
-        let decoder = decoder(&bytes).map_err(|e| self.failed(&e, &bytes))?;
-        let size = <[u32; 2]>::from(decoder.dimensions());
-        let texels = texel_count(&size);
-        let result = texels * 4 * u64::from(decoder.color_type().bytes_per_pixel().div_ceil(4));
-        Ok(ImageHeader { size, file: bytes.len() as u64, memory: result + memory_of_decoder(&bytes, texels) })
+        let decoder = Decoder::new(&bytes).map_err(|e| self.failed(e, &bytes))?;
+        let texels = texel_count(&decoder.size);
+        let result = texels * 4 * decoder.pixel_bytes().div_ceil(4) as u64;
+        let memory = result + memory_of_decoder(&bytes, texels);
+        Ok(ImageHeader { size: decoder.size, file: bytes.len() as u64, memory })
     }
 
     /// The texels of the image, and whether the file has more than 8 bits per channel.
     fn decode(&self, size: [u32; 2]) -> Checked<(Image, bool)> {
         let bytes = self.bytes()?;
-        let decoder = decoder(&bytes).map_err(|e| self.failed(&e, &bytes))?;
+        let decoder = Decoder::new(&bytes).map_err(|e| self.failed(e, &bytes))?;
         let name = &self.name;
-        if decoder.dimensions() != size.into() {
+        if decoder.size != size {
             return Err(format!("{name} changed while it was read; read the scene again"));
         }
-        let color = decoder.color_type();
+        let is_deep = decoder.is_deep;
         let [width, height] = size;
-        let rgba = rgba8(decoder, texel_count(&size) as usize).map_err(|e| self.failed(&e, &bytes))?;
+        let rgba = rgba8(decoder, texel_count(&size) as usize).map_err(|e| self.failed(e, &bytes))?;
         if rgba.is_empty() {
             return Err(format!("{name} has no pixels; save it again as PNG or JPEG"));
         }
-        Ok((Image { width, height, rgba }, color.bytes_per_pixel() > color.channel_count()))
+        Ok((Image { width, height, rgba }, is_deep))
     }
 
     /// The message for an image that cannot be decoded.
-    fn failed(&self, error: &ImageError, bytes: &[u8]) -> String {
+    fn failed(&self, failure: Failure, bytes: &[u8]) -> String {
         let uri = self.doc.root.images.get(self.index).and_then(|image| image.uri.as_deref());
         let file = match uri {
             Some(uri) if !resolve::is_data(uri) => format!(" from `{}`", printable(uri, 120)),
             _ => String::new(),
         };
-        let (why, remedy) = if bytes.starts_with(b"\xabKTX 2") {
-            ("KTX2 is not read".into(), FROM_KTX2.into())
-        } else if bytes.get(4..12) == Some(b"ftypavif") {
-            ("AVIF is not read".into(), FROM_AVIF.into())
-        } else if matches!(error, ImageError::Unsupported(_)) {
-            ("its format is not read".into(), FROM_OTHERS.into())
-        } else {
-            let remedy = format!("save it as PNG, JPEG or WebP of at most {MAX_SIDE} x {MAX_SIDE} pixels");
-            (printable(&error.to_string(), 200), remedy)
+        let (why, remedy) = match failure {
+            Failure::Format if bytes.starts_with(b"\xabKTX 2") => ("KTX2 is not read".into(), FROM_KTX2.into()),
+            Failure::Format if bytes.get(4..12) == Some(b"ftypavif") => ("AVIF is not read".into(), FROM_AVIF.into()),
+            Failure::Format => ("its format is not read".into(), FROM_OTHERS.into()),
+            Failure::File(why) => {
+                let remedy = format!("save it as PNG, JPEG or WebP of at most {MAX_SIDE} x {MAX_SIDE} pixels");
+                (printable(&why, 200), remedy)
+            }
         };
         format!("{} cannot be decoded{file}: {why}; {remedy}", self.name)
     }
 }
 
-/// A decoder that has read the header of the image.
-fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::IoError)?;
-    if reader.format() == Some(ImageFormat::Jpeg) && jpeg::samples_colour_finer(bytes) {
-        let message = "a colour channel of this JPEG has more samples than its first channel";
-        return Err(ImageError::IoError(std::io::Error::other(message)));
-    }
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    limits.max_alloc = Some(MAX_DECODER_BYTES);
-    reader.limits(limits);
-    reader.into_decoder()
-}
-
-/// Maximum number of bytes that the decoder of this image with `texels` texels takes besides its result. It may take them before
-/// it notices that the file is too short. Tables do not count, because the length of the file limits them.
-fn memory_of_decoder(bytes: &[u8], texels: u64) -> u64 {
-    /// Maximum size of a data partition of a lossy WebP image in bytes. The file gives the size in 24 bits, and the decoder
-    /// allocates this size.
-    const PART: u64 = 1 << 24;
-    match (::image::guess_format(bytes), bytes.get(12..16)) {
-        // Two bytes for each coefficient of a progressive image, in up to four channels.
-        (Ok(ImageFormat::Jpeg), _) => 8 * texels,
-        // In bytes per texel: a copy with alpha (4), the data of two transforms (1/4 each), and the entropy image (3/8).
-        (Ok(ImageFormat::WebP), Some(b"VP8L")) => 5 * texels,
-        // Luma (1) and chroma (1/2).
-        (Ok(ImageFormat::WebP), Some(b"VP8 ")) => 2 * texels + PART,
-        // The alpha of a lossy image (1) is decoded as a lossless one (5). An animation has a frame (4) and a canvas (4).
-        (Ok(ImageFormat::WebP), _) => 8 * texels + PART,
-        // Rows only.
-        _ => 0,
-    }
-}
-
 /// Decodes `texels` texels. The decoder writes the image to the end of the returned buffer. Then the pixels are converted in
 /// place, from the first to the last. So an image with 8 bits per channel takes no memory besides its result.
-fn rgba8(decoder: impl ImageDecoder, texels: usize) -> Result<Vec<[u8; 4]>, ImageError> {
-    let color = decoder.color_type();
-    let size = usize::from(color.bytes_per_pixel());
+fn rgba8(decoder: Decoder, texels: usize) -> Result<Vec<[u8; 4]>, Failure> {
+    let (channels, is_deep, size) = (decoder.channels, decoder.is_deep, decoder.pixel_bytes());
     let mut rgba = vec![[0; 4]; texels * size.div_ceil(4)];
     let bytes = rgba.as_flattened_mut();
     let start = bytes.len() - texels * size;
-    decoder.read_image(&mut bytes[start..])?;
-    let narrow = |high: u8, low: u8| narrow(u16::from_ne_bytes([high, low]));
-    match color {
-        ColorType::L8 => convert(bytes, texels, |[l]| [l, l, l, 255]),
-        ColorType::La8 => convert(bytes, texels, |[l, a]| [l, l, l, a]),
-        ColorType::Rgb8 => convert(bytes, texels, |[r, g, b]| [r, g, b, 255]),
-        ColorType::Rgba8 => {}
-        ColorType::L16 => convert(bytes, texels, |[l, m]| [narrow(l, m), narrow(l, m), narrow(l, m), 255]),
-        ColorType::La16 => {
-            convert(bytes, texels, |[l, m, a, b]| [narrow(l, m), narrow(l, m), narrow(l, m), narrow(a, b)]);
-        }
-        ColorType::Rgb16 => {
-            convert(bytes, texels, |[r, s, g, h, b, c]| [narrow(r, s), narrow(g, h), narrow(b, c), 255]);
-        }
-        ColorType::Rgba16 => {
+    decoder.read(&mut bytes[start..])?;
+    let narrow = |high: u8, low: u8| narrow(u16::from_be_bytes([high, low]));
+    match (channels, is_deep) {
+        (1, false) => convert(bytes, texels, |[l]| [l, l, l, 255]),
+        (2, false) => convert(bytes, texels, |[l, a]| [l, l, l, a]),
+        (3, false) => convert(bytes, texels, |[r, g, b]| [r, g, b, 255]),
+        (_, false) => {}
+        (1, true) => convert(bytes, texels, |[l, m]| [narrow(l, m), narrow(l, m), narrow(l, m), 255]),
+        (2, true) => convert(bytes, texels, |[l, m, a, b]| [narrow(l, m), narrow(l, m), narrow(l, m), narrow(a, b)]),
+        (3, true) => convert(bytes, texels, |[r, s, g, h, b, c]| [narrow(r, s), narrow(g, h), narrow(b, c), 255]),
+        (_, true) => {
             convert(bytes, texels, |[r, s, g, h, b, c, a, d]| [narrow(r, s), narrow(g, h), narrow(b, c), narrow(a, d)])
-        }
-        _ => {
-            let message = format!("{color:?} pixels are not read");
-            return Err(ImageError::IoError(std::io::Error::other(message)));
         }
     }
     rgba.truncate(texels);
@@ -285,49 +235,7 @@ fn narrow(channel: u16) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use ::image::DynamicImage;
-
     use super::*;
-
-    fn encode(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
-        let mut bytes = Cursor::new(vec![]);
-        image.write_to(&mut bytes, format).unwrap();
-        bytes.into_inner()
-    }
-
-    #[test]
-    fn every_pixel_format_becomes_rgba() {
-        let mut state = 7u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 16) as u16
-        };
-        let deep = DynamicImage::ImageRgba16(::image::ImageBuffer::from_fn(13, 7, |_, _| {
-            ::image::Rgba([random(), random(), random(), random()])
-        }));
-        let kinds = [
-            deep.to_luma8().into(),
-            deep.to_luma_alpha8().into(),
-            deep.to_rgb8().into(),
-            deep.to_rgba8().into(),
-            deep.to_luma16().into(),
-            deep.to_luma_alpha16().into(),
-            deep.to_rgb16().into(),
-            deep,
-        ];
-        let check = |image: &DynamicImage, format| {
-            let bytes = encode(image, format);
-            let expected = ::image::load_from_memory(&bytes).unwrap().into_rgba8();
-            let rgba = rgba8(decoder(&bytes).unwrap(), 13 * 7).unwrap();
-            assert!(rgba.as_flattened() == expected.as_raw().as_slice(), "{:?} as {format:?}", image.color());
-        };
-        kinds.iter().for_each(|image| check(image, ImageFormat::Png));
-        for (image, format) in
-            [(0, ImageFormat::Jpeg), (2, ImageFormat::Jpeg), (2, ImageFormat::WebP), (3, ImageFormat::WebP)]
-        {
-            check(&kinds[image], format);
-        }
-    }
 
     #[test]
     fn runs_are_bounded_and_lose_no_image() {
