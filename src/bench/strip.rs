@@ -1,11 +1,10 @@
 //! Crops side by side: the reference and every variant in the upper row, the errors in the lower row.
 
 use std::fmt::Write;
-use std::io::Cursor;
+use std::io;
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use image::{ImageResult, Rgb, RgbImage};
 
 use crate::compare::flip;
 use crate::image::exr_file::Picture;
@@ -22,24 +21,31 @@ const LABELS: u32 = 20;
 /// Steps between the candidate positions of the crop, along each side.
 const STEPS: u32 = 8;
 
+/// An image of sRGB bytes.
+pub struct Strip {
+    width: u32,
+    height: u32,
+    rgb: Vec<[u8; 3]>,
+}
+
 /// The upper row shows the reference and `images`, all of the same size, with the exposure of the reference. The lower row shows
 /// the FLIP error of each image, from black (no error) to white. Large images are cropped where the reference has the highest
 /// contrast.
-pub fn strip(reference: &Picture, images: &[Picture]) -> RgbImage {
+pub fn strip(reference: &Picture, images: &[Picture]) -> Strip {
     let size = [reference.width.min(CROP[0]), reference.height.min(CROP[1])];
     let at = place(reference, size);
     let zoom = TILE.div_ceil(size[0]).max(1);
     let tile = [size[0] * zoom, size[1] * zoom];
     let columns = 1 + images.len() as u32;
     let (width, height) = (columns * (tile[0] + GAP) - GAP, 2 * tile[1] + GAP);
-    let mut out = RgbImage::from_pixel(width, height, Rgb([255; 3]));
+    let mut rgb = vec![[255; 3]; (width * height) as usize];
 
     let exposure = png_file::exposure(&reference.rgb);
     let mut put = |column: u32, row: u32, bytes: &[u8]| {
         let (left, top) = (column * (tile[0] + GAP), row * (tile[1] + GAP));
         for (x, y) in (0..tile[1]).flat_map(|y| (0..tile[0]).map(move |x| (x, y))) {
             let from = 3 * ((at[1] + y / zoom) * reference.width + at[0] + x / zoom) as usize;
-            out.put_pixel(left + x, top + y, Rgb([bytes[from], bytes[from + 1], bytes[from + 2]]));
+            rgb[((top + y) * width + left + x) as usize] = [bytes[from], bytes[from + 1], bytes[from + 2]];
         }
     };
     put(0, 0, &png_file::expose(&reference.rgb, exposure));
@@ -48,22 +54,21 @@ pub fn strip(reference: &Picture, images: &[Picture]) -> RgbImage {
         let error = flip::hdr(&image.rgb, &reference.rgb, reference.width as usize).map;
         put(1 + i as u32, 1, &error.iter().flat_map(|&e| heat(e)).collect::<Vec<u8>>());
     }
-    out
+    Strip { width, height, rgb }
 }
 
 /// A strip as PNG, and as SVG with the name of each image above its crop.
-pub fn files(strip: &RgbImage, names: &[&str]) -> ImageResult<(Vec<u8>, String)> {
-    let mut png = Cursor::new(vec![]);
-    strip.write_to(&mut png, image::ImageFormat::Png)?;
-    let png = png.into_inner();
+pub fn files(strip: &Strip, names: &[&str]) -> io::Result<(Vec<u8>, String)> {
+    let mut png = vec![];
+    png_file::encode_bytes(&mut png, strip.width, strip.height, strip.rgb.as_flattened())?;
     let columns = 1 + names.len() as u32;
-    let (width, height) = (strip.width(), strip.height() + LABELS);
-    let (tile, row) = ((width + GAP) / columns - GAP, (strip.height() + GAP) / 2);
+    let (width, height) = (strip.width, strip.height + LABELS);
+    let (tile, row) = ((width + GAP) / columns - GAP, (strip.height + GAP) / 2);
     let mut svg = format!(
         "<svg xmlns='http://www.w3.org/2000/svg' width='{width}' height='{height}' font-family='sans-serif' font-size='13'>\n\
          <rect width='{width}' height='{height}' fill='white'/>\n\
          <image y='{LABELS}' width='{width}' height='{}' href='data:image/png;base64,{}'/>\n",
-        strip.height(),
+        strip.height,
         BASE64_STANDARD.encode(&png)
     );
     // Each label has a box of its own, so that a long name does not run into the next one.
@@ -114,7 +119,8 @@ mod tests {
     #[test]
     fn each_crop_has_the_name_of_its_image() {
         // The reference and two images, 240 pixels wide, with gaps of 4 pixels.
-        let (png, svg) = files(&RgbImage::new(728, 364), &["lcs", "bdpt <2 & more>"]).unwrap();
+        let strip = Strip { width: 728, height: 364, rgb: vec![[0; 3]; 728 * 364] };
+        let (png, svg) = files(&strip, &["lcs", "bdpt <2 & more>"]).unwrap();
         assert!(png.starts_with(b"\x89PNG"));
         let texts: Vec<&str> = svg.lines().filter(|line| line.contains("<text")).collect();
         let wanted =

@@ -27,7 +27,8 @@ pub fn write_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result
     write_atomically(path, |writer| encode_bytes(writer, width, height, bytes))
 }
 
-fn encode_bytes(writer: impl io::Write, width: u32, height: u32, bytes: &[u8]) -> io::Result<()> {
+/// Encodes the picture that [`write_bytes`] writes.
+pub fn encode_bytes(writer: impl io::Write, width: u32, height: u32, bytes: &[u8]) -> io::Result<()> {
     let mut encoder = png::Encoder::new(writer, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);

@@ -1,11 +1,10 @@
 //! Pictures of the frames of a sequence: one by one, side by side, and as an animation. All frames have one exposure. Only one frame at
 //! a time is in memory, because a sequence may be much larger than the memory.
 
-use std::io;
 use std::path::Path;
+use std::{io, iter};
 
-use image::codecs::gif::{GifEncoder, Repeat};
-use image::{Delay, Frame, RgbImage};
+use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::files::write_atomically;
@@ -77,19 +76,38 @@ fn rewrite(outputs: &Outputs, exposure: Option<f32>) -> Result<()> {
 /// Writes the animation of all frames.
 fn write_gif(path: &Path, frames: &[Outputs], fps: u32, exposure: f32) -> Result<()> {
     write_atomically(path, |writer| {
-        let mut encoder = GifEncoder::new_with_speed(writer, 10);
-        encoder.set_repeat(Repeat::Infinite).map_err(io::Error::other)?;
-        for (number, outputs) in frames.iter().enumerate() {
-            let frame = read(outputs).map_err(io::Error::other)?;
-            let delay = Delay::from_numer_denom_ms(10 * hundredths(number, fps), 1);
-            let bytes = png_file::expose(&frame.rgb, exposure);
-            let picture = RgbImage::from_raw(frame.width as u32, frame.height as u32, bytes);
-            let picture = picture.ok_or_else(|| io::Error::other("a frame has no pixels"))?;
-            let picture = image::DynamicImage::ImageRgb8(picture).into_rgba8();
-            encoder.encode_frame(Frame::from_parts(picture, 0, 0, delay)).map_err(io::Error::other)?;
+        let mut pictures = (frames.iter().enumerate()).map(|(number, outputs)| {
+            gif_frame(&read(outputs).map_err(io::Error::other)?, hundredths(number, fps), exposure)
+        });
+        let first = pictures.next().ok_or_else(|| io::Error::other("the sequence has no frames"))??;
+        let mut encoder = Encoder::new(writer, first.width, first.height, &[]).map_err(into_io)?;
+        encoder.set_repeat(Repeat::Infinite).map_err(into_io)?;
+        for picture in iter::once(Ok(first)).chain(pictures) {
+            encoder.write_frame(&picture?).map_err(into_io)?;
         }
-        Ok(())
+        encoder.into_inner().map(drop).map_err(into_io)
     })
+}
+
+/// Keeps the kind of a disk error, because the message to the user depends on it.
+fn into_io(error: EncodingError) -> io::Error {
+    match error {
+        EncodingError::Io(error) => error,
+        other => io::Error::other(other),
+    }
+}
+
+/// The picture of a frame in an animation that shows it for `delay` hundredths of a second.
+fn gif_frame(image: &Linear, delay: u32, exposure: f32) -> io::Result<Frame<'static>> {
+    /// Speed of the choice of 256 colours: the compromise that the encoder recommends.
+    const SPEED: i32 = 10;
+    let (Ok(width), Ok(height)) = (u16::try_from(image.width), u16::try_from(image.height)) else {
+        return Err(io::Error::other(format!("a GIF has at most {0} x {0} pixels; render without --gif", u16::MAX)));
+    };
+    let mut frame = Frame::from_rgb_speed(width, height, &png_file::expose(&image.rgb, exposure), SPEED);
+    frame.delay = delay.try_into().unwrap_or(u16::MAX);
+    frame.dispose = DisposalMethod::Background;
+    Ok(frame)
 }
 
 /// How long an animation shows the frame with this number, counted from 0: whole hundredths of a second, as GIF files have them. The
