@@ -45,8 +45,6 @@ mod job;
 #[allow(missing_docs)]
 mod lightcone;
 #[allow(missing_docs)]
-mod oracle;
-#[allow(missing_docs)]
 mod printable;
 #[allow(missing_docs)]
 mod render;
@@ -87,7 +85,7 @@ pub use settings::{
     UseEllipsoids,
 };
 
-/// All modules, for the program, the tests and the benches of this package, and for the Python package of this workspace. They are
+/// All modules, for the program, the tests and the benches of this package, and for the other packages of this workspace. They are
 /// not part of the API and may change at any time.
 #[doc(hidden)]
 #[allow(missing_docs)]
@@ -96,6 +94,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, job, lightcone, oracle, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, job, lightcone, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
     }
 }

@@ -6,12 +6,12 @@ use glam::{DVec3, Vec3};
 use taugate::internals::generate::{Kind, build, zoo};
 use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::{Layers, Plane};
-use taugate::internals::oracle::geometry::{Geometry, Ray, Surface};
-use taugate::internals::oracle::texture;
 use taugate::internals::render::{FirstSurface, PreparedScene, first_arrivals, first_surfaces, layers, object_ids};
 use taugate::internals::scene::{AlphaMode, Camera, LightKind, Material, Mesh, Projection, Scene};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::{Crop, Settings};
+use taugate_oracle::geometry::{Geometry, Ray, Surface};
+use taugate_oracle::texture;
 
 fn device() -> Device {
     Device::open(None).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"))

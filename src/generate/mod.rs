@@ -35,7 +35,7 @@ pub enum Kind {
         /// Lower bound on the number of triangles. The scene has 34 * 4^n + 2 of them, with the smallest n that suffices.
         triangles: u32,
     },
-    /// Closed diffuse sphere around a point light and a pinhole, whose gated radiance [`crate::oracle::sphere`] gives exactly.
+    /// Closed diffuse sphere around a point light and a pinhole, whose gated radiance [`crate::self_check::sphere`] gives exactly.
     GatedSphere {
         /// Mean distance of the facets from the centre in metres, > 0.
         radius: f32,

@@ -16,6 +16,7 @@ impl Pcg {
         pcg
     }
 
+    #[inline]
     pub fn next_u32(&mut self) -> u32 {
         let old = self.state;
         self.state = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -24,17 +25,20 @@ impl Pcg {
     }
 
     /// Uniform in [0, 1) with 53 random bits.
+    #[inline]
     pub fn uniform(&mut self) -> f64 {
         let high = u64::from(self.next_u32()) << 32;
         ((high | u64::from(self.next_u32())) >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Uniform in [lo, hi).
+    #[inline]
     pub fn range(&mut self, lo: f64, hi: f64) -> f64 {
         lo + (hi - lo) * self.uniform()
     }
 
     /// Uniform in 0..n, n >= 1.
+    #[inline]
     pub fn below(&mut self, n: usize) -> usize {
         (self.uniform() * n as f64) as usize
     }

@@ -77,23 +77,6 @@ pub fn mean_cosine(phase: &PhaseFunction) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::oracle::phase::Phase;
-
-    #[test]
-    fn mean_cosines_are_those_of_the_densities() {
-        let lobes =
-            |weight_draine| PhaseFunction::HenyeyGreensteinDraine { g: 0.9, g_draine: 0.4, alpha: 20.0, weight_draine };
-        let table = PhaseFunction::Table { cosines: vec![-1.0, -0.5, 0.7, 1.0], values: vec![0.5, 0.0, 0.2, 6.0] };
-        let two = PhaseFunction::DoubleHenyeyGreenstein { g: [0.9, -0.4], weight: 0.85 };
-        for function in [PhaseFunction::Rayleigh, two, lobes(0.3), lobes(1.0), table] {
-            let phase = Phase::new(&function);
-            let steps = 100_000;
-            let cosine = |i: i32| 2.0 * (f64::from(i) + 0.5) / f64::from(steps) - 1.0;
-            let mean =
-                (0..steps).map(|i| cosine(i) * phase.density(cosine(i))).sum::<f64>() * 2.0 * TAU / f64::from(steps);
-            assert!((mean - mean_cosine(&function)).abs() < 1e-4, "{function:?}: {mean}");
-        }
-    }
 
     #[test]
     fn the_shares_of_a_table_end_at_one() {

@@ -184,7 +184,7 @@ impl Material {
 
     /// Whether light passes through surfaces of this material. The metallic part of a material is opaque; a texture may lower the
     /// metalness.
-    pub(crate) fn transmits(&self) -> bool {
+    pub fn transmits(&self) -> bool {
         self.transmission > 0.0 && (self.metallic < 1.0 || self.surface_texture.is_some())
     }
 

@@ -3,6 +3,8 @@
 
 use glam::{DAffine3, DVec3};
 
+use super::fog::{Coefficients, gated_single_scattering, henyey_greenstein};
+use super::sphere::gated_radiance;
 use super::{Method, Verdict};
 use crate::compare::statistics::{normal_score, sidak_threshold};
 use crate::error::Result;
@@ -10,9 +12,6 @@ use crate::estimators::Ellipsoids;
 use crate::generate::numbers::sin_cos;
 use crate::generate::{Kind, build, stage, zoo::Light};
 use crate::gpu::Device;
-use crate::oracle::fog::{Coefficients, gated_single_scattering};
-use crate::oracle::phase::Phase;
-use crate::oracle::sphere::gated_radiance;
 use crate::render::Renderer;
 use crate::scene::{AlphaMode, LightKind, Material, Medium, PhaseFunction, Scene};
 use crate::settings::units::Gate;
@@ -146,10 +145,8 @@ fn in_fog() -> Scene {
 
 /// Radiance of [`in_fog`] through a gate, by light that scatters once.
 fn scattered_once(lo: f64, hi: f64) -> f64 {
-    let function = PhaseFunction::HenyeyGreenstein { g: FOG_COSINE };
-    let phase = Phase::new(&function);
-    let density = |cosine| phase.density(cosine);
-    gated_single_scattering(FOG, density, FOG_INTENSITY.into(), FOG_LAMP, DVec3::NEG_Z, [lo, hi])
+    let phase = |cosine| henyey_greenstein(FOG_COSINE, cosine);
+    gated_single_scattering(FOG, phase, FOG_INTENSITY.into(), FOG_LAMP, DVec3::NEG_Z, [lo, hi])
 }
 
 /// The sphere with a black, partly transparent surface just in front of its wall.

@@ -5,8 +5,10 @@
 //! checks find a driver that miscompiles a kernel, even if the driver reports no error.
 
 mod bits;
+pub mod fog;
 mod lamp;
 mod means;
+pub mod sphere;
 
 use crate::error::{Error, Result};
 use crate::gpu::Device;

@@ -99,7 +99,7 @@ fn travel_times_of_the_gated_sphere_are_the_known_ones() {
     let first = light["first"]["metres"].as_f64().unwrap();
     assert!((first - 2.0).abs() < 1e-3, "{first}");
     assert!(percentile(1.0) >= first && percentile(25.0) < 2.001);
-    // In the closed form of `oracle/sphere.rs`, 75 % of the light has arrived by 3.92 m (64.6 % by 3.5 m, 77.0 % by 4 m).
+    // In the closed form of `self_check/sphere.rs`, 75 % of the light has arrived by 3.92 m (64.6 % by 3.5 m, 77.0 % by 4 m).
     assert!((percentile(75.0) - 3.92).abs() < 0.06, "{}", percentile(75.0));
     // The bounds on travel times contain all measured travel times.
     let bound = |name: &str| json["render"]["possible"][name].as_f64().unwrap();

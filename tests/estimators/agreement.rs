@@ -6,10 +6,10 @@ use super::cells::{Cells, disagreements, exceeds, is_long, renderer, settings, t
 use super::rough_glass;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::path_tracer::{self, Film};
 use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator, SettingsBuilder, Strategies};
+use taugate_oracle::path_tracer::{self, Film};
 
 const CELL: usize = 8;
 const MAX_DEPTH: u32 = 10;

@@ -9,10 +9,10 @@ use super::cells::{Cells, disagreements, renderer, settings};
 use glam::DVec3;
 use taugate::internals::generate::shapes::{icosphere, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, metal, place};
-use taugate::internals::oracle::path_tracer::Film;
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Strategies};
+use taugate_oracle::path_tracer::Film;
 
 const RADIUS: f64 = 0.4;
 const SIZE: [u32; 2] = [24, 16];

@@ -7,10 +7,10 @@ use glam::DVec3;
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
 use taugate::internals::image::depth;
-use taugate::internals::oracle::path_tracer;
 use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::frequencies::Frequencies;
 use taugate::internals::settings::{Emitters, Estimator};
+use taugate_oracle::path_tracer;
 
 use super::cells::{renderer, seeds, settings, threshold};
 

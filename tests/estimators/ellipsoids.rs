@@ -7,9 +7,9 @@ use glam::DVec3;
 use taugate::internals::generate::stage::light;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::render::Renderer;
 use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};
+use taugate::internals::self_check::sphere::gated_radiance;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Settings, UseEllipsoids};
 

@@ -6,11 +6,11 @@ use glam::{DAffine3, DVec3};
 use taugate::internals::generate::stage::light;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
-use taugate::internals::oracle::phase::Phase;
 use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene};
+use taugate::internals::self_check::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
+use taugate_oracle::phase::Phase;
 
 use super::agreement::{
     against, assert_none, feature_against_oracle, oracle, oracle_samples, unlike_estimators, whole_images,

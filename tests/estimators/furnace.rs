@@ -7,8 +7,8 @@ use glam::{DVec3, Vec3};
 use taugate::internals::generate::shapes::{cuboid, inside_out};
 use taugate::internals::generate::stage::{add, camera, diffuse, material, metal};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::scene::{Material, Mesh, Scene};
+use taugate::internals::self_check::sphere::gated_radiance;
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 

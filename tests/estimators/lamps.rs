@@ -6,8 +6,8 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::shapes::{cuboid, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, light, material, metal, plastic};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::scene::{LightKind, Scene};
+use taugate::internals::self_check::sphere::gated_radiance;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator, Settings};
 

@@ -6,11 +6,11 @@ use glam::DVec3;
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
 use taugate::internals::generate::zoo::{Light, zoo};
-use taugate::internals::oracle::ggx;
 use taugate::internals::render::Renderer;
 use taugate::internals::scene::{LightKind, Material, Retroreflector, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
+use taugate_oracle::ggx;
 
 use super::agreement::{against, assert_none, feature_estimators, oracle, whole_images};
 use super::cells::{is_long, renderer, settings};

@@ -2,8 +2,8 @@
 
 use super::cells::{Cells, device, disagreements, is_long, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::render::{PreparedScene, StrategyImages};
+use taugate::internals::self_check::sphere::gated_radiance;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling, Settings};
 

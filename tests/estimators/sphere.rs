@@ -2,8 +2,8 @@
 
 use super::cells::{Cells, is_long, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::render::Renderer;
+use taugate::internals::self_check::sphere::gated_radiance;
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 

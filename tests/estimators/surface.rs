@@ -8,10 +8,10 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, emitter, metal, plastic};
 use taugate::internals::generate::zoo::{Light, zoo};
-use taugate::internals::oracle::bsdf::{Bsdf, PreparedMaterial};
 use taugate::internals::scene::{Image, Material, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
+use taugate_oracle::bsdf::{Bsdf, PreparedMaterial};
 
 use super::agreement::{against, assert_none, feature_estimators, oracle, oracle_samples};
 use super::cells::{Cells, is_long, renderer, settings, threshold};

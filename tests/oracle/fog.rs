@@ -6,11 +6,12 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::shapes::{cuboid, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material};
-use taugate::internals::oracle::fog::{Coefficients, first_scatter_fluence, gated_single_scattering, integrate};
-use taugate::internals::oracle::path_tracer::{Film, Settings, render};
-use taugate::internals::oracle::phase::Phase;
 use taugate::internals::scene::{DensityGrid, GridFilter, LightKind, Material, Medium, PhaseFunction, Scene};
+use taugate::internals::self_check::fog::{Coefficients, gated_single_scattering, integrate};
 use taugate::internals::settings::Emitters;
+use taugate_oracle::fog::first_scatter_fluence;
+use taugate_oracle::path_tracer::{Film, Settings, render};
+use taugate_oracle::phase::Phase;
 
 const STEADY: (f64, f64) = (0.0, f64::INFINITY);
 const HG: PhaseFunction = PhaseFunction::HenyeyGreenstein { g: 0.6 };

@@ -8,10 +8,10 @@ use glam::DVec3;
 use taugate::internals::generate::shapes::{cuboid, icosphere, inside_out, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, metal, plastic};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::path_tracer::{Film, Settings, render};
-use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::scene::{LightKind, Material, Scene};
+use taugate::internals::self_check::sphere::gated_radiance;
 use taugate::internals::settings::Emitters;
+use taugate_oracle::path_tracer::{Film, Settings, render};
 
 const STEADY: (f64, f64) = (0.0, f64::INFINITY);
 

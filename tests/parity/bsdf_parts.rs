@@ -1,7 +1,7 @@
 //! Parts of `shared/bsdf.wgsl`: Fresnel terms, GGX, the albedo of the coat, and the probabilities of the lobes.
 
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::oracle::{bsdf, ggx};
+use taugate_oracle::{bsdf, ggx};
 
 use crate::materials::set;
 use crate::shader_function::ShaderFunction;

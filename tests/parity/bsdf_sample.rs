@@ -230,7 +230,7 @@ fn mirrors_and_smooth_glass_by_hand() {
                 assert!((s.weight[0] - 1.0).abs() < 1e-5);
             }
         }
-        let passed = 1.0 - taugate::internals::oracle::bsdf::fresnel_dielectric(w.z, relative);
+        let passed = 1.0 - taugate_oracle::bsdf::fresnel_dielectric(w.z, relative);
         let error = (passed * (1.0 - passed) / samples.len() as f64).sqrt();
         assert!((through / samples.len() as f64 - passed).abs() < 4.0 * error, "{through} {passed}");
     }

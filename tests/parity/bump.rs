@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::{shapes, stage};
-use taugate::internals::oracle::geometry::{Geometry as Exact, Ray};
 use taugate::internals::scene::{Image, Material, Mesh, Scene};
+use taugate_oracle::geometry::{Geometry as Exact, Ray};
 
 use crate::shader_function::ShaderFunction;
 use crate::trace::buffers;

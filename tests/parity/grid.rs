@@ -3,10 +3,10 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::oracle::media::PreparedGrid;
 use taugate::internals::render::grid::convert;
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{DensityGrid, GridFilter};
+use taugate_oracle::media::PreparedGrid;
 
 use crate::shader_function::{Contents, ShaderFunction, contents};
 use crate::values::{direction, dvec, vec3};

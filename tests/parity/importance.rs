@@ -4,10 +4,10 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::internals::oracle::lightcone::bucket_interval;
 use taugate::internals::render::material::Material;
 use taugate::internals::wgsl::layout::constants::LEAF_FIRST;
 use taugate::internals::wgsl::layout::{NONE, PathVertex, TreeChild};
+use taugate_oracle::lightcone::bucket_interval;
 
 use crate::shader_function::{ShaderFunction, contents};
 use crate::statistics::{chi_square, level};

@@ -4,9 +4,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::internals::oracle::lightcone::{self, Bounds, Extent};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::wgsl::layout::TreeChild;
+use taugate_oracle::lightcone::{self, Bounds, Extent};
 
 use crate::shader_function::ShaderFunction;
 use crate::values::{direction, dvec, vec3};

@@ -5,14 +5,14 @@ use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::stage;
-use taugate::internals::oracle::bsdf::{PreparedMaterial, fresnel_dielectric};
-use taugate::internals::oracle::ggx;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::material::Material as DeviceMaterial;
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{Material, Mesh, Retroreflector, Scene};
 use taugate::internals::settings::Emitters;
+use taugate_oracle::bsdf::{PreparedMaterial, fresnel_dielectric};
+use taugate_oracle::ggx;
 
 use crate::shader_function::{Contents, contents};
 

@@ -5,13 +5,13 @@ use std::f64::consts::TAU;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::oracle::fog::integrate;
-use taugate::internals::oracle::phase::Phase;
 use taugate::internals::render::leaf_record;
 use taugate::internals::render::phase::{mean_cosine, set};
 use taugate::internals::scene::PhaseFunction;
+use taugate::internals::self_check::fog::integrate;
 use taugate::internals::wgsl::layout::constants::VERTEX_IN_MEDIUM;
 use taugate::internals::wgsl::layout::{Medium, PathVertex};
+use taugate_oracle::phase::Phase;
 
 use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, vec3};
@@ -164,6 +164,20 @@ fn sampled_cosines_invert_the_cumulative_distribution() {
         assert!(samples_agree(&phase, results, 0.0), "{function:?}");
         // A density that is 1 % too high forwards is rejected.
         assert!(!samples_agree(&phase, results, 0.01), "{function:?}");
+    }
+}
+
+#[test]
+fn mean_cosines_are_those_of_the_densities() {
+    let lobes = |weight| draine(0.9, 0.4, 20.0, weight);
+    let table = PhaseFunction::Table { cosines: vec![-1.0, -0.5, 0.7, 1.0], values: vec![0.5, 0.0, 0.2, 6.0] };
+    let two = PhaseFunction::DoubleHenyeyGreenstein { g: [0.9, -0.4], weight: 0.85 };
+    for function in [PhaseFunction::Rayleigh, two, lobes(0.3), lobes(1.0), table] {
+        let phase = Phase::new(&function);
+        let steps = 100_000;
+        let cosine = |i: i32| 2.0 * (f64::from(i) + 0.5) / f64::from(steps) - 1.0;
+        let mean = (0..steps).map(|i| cosine(i) * phase.density(cosine(i))).sum::<f64>() * 2.0 * TAU / f64::from(steps);
+        assert!((mean - mean_cosine(&function)).abs() < 1e-4, "{function:?}: {mean}");
     }
 }
 

@@ -4,12 +4,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec2, DVec3};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::stage;
-use taugate::internals::oracle::texture::{sample, sample_data};
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{Image, Material, Mesh, Scene};
 use taugate::internals::settings::Emitters;
+use taugate_oracle::texture::{sample, sample_data};
 
 use crate::materials::Set;
 use crate::shader_function::{ShaderFunction, contents};

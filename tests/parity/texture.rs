@@ -3,13 +3,13 @@
 use glam::{DAffine2, DAffine3, DVec2, DVec3};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::stage;
-use taugate::internals::oracle::texture::sample;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::{Geometry, TexelLayout};
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
 use taugate::internals::settings::Emitters;
 use taugate::internals::wgsl::layout::{NONE, TextureInfo};
+use taugate_oracle::texture::sample;
 
 use crate::shader_function::{Contents, ShaderFunction, contents};
 

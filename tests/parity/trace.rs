@@ -4,13 +4,13 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::{shapes, stage};
-use taugate::internals::oracle::geometry::{Geometry as Exact, Ray};
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{AlphaMode, Material, Mesh, Scene};
 use taugate::internals::settings::Emitters;
 use taugate::internals::wgsl::layout::VertexDetails;
+use taugate_oracle::geometry::{Geometry as Exact, Ray};
 
 use crate::shader_function::{CompiledFunction, Contents, ShaderFunction, contents};
 use crate::values::{direction, directions, dvec, vec3};

@@ -4,10 +4,10 @@ use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::gate::rounding_allowance;
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::internals::oracle::lightcone::{self, Bounds, Extent};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
 use taugate::internals::wgsl::layout::{NONE, TreeChild, TreeNode};
+use taugate_oracle::lightcone::{self, Bounds, Extent};
 
 /// A tree over light vertices. Its nodes and vertices may start anywhere in arrays that several trees share.
 pub struct Pool {

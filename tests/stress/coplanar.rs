@@ -5,10 +5,10 @@ use glam::{DAffine3, DVec3};
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
 use taugate::internals::generate::stage::{about, add, camera, diffuse, emitter, material};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::oracle::path_tracer;
 use taugate::internals::scene::{AlphaMode, Instance, Material, Mesh, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator};
+use taugate_oracle::path_tracer;
 
 use super::cells::{Cells, disagreements, renderer, settings};
 use super::{image, sum};

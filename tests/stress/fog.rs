@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use taugate::internals::generate::stage::{camera, light};
-use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};
+use taugate::internals::self_check::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 

@@ -5,7 +5,6 @@ use glam::{DVec3, Vec3};
 use super::Tally;
 use crate::generate::stage::{camera, light};
 use crate::gpu::Device;
-use crate::oracle::fog::second_moment;
 use crate::render::{Renderer, Stats};
 use crate::scene::{LightKind, Medium, PhaseFunction, Scene};
 use crate::settings::{Estimator, Settings};
@@ -18,6 +17,13 @@ const ITERATIONS: usize = 8;
 
 /// The wrong scattering coefficient of the negative control, relative to the right one.
 const WRONG: f64 = 1.05;
+
+/// The mean squared distance (m^2) from the lamp of all light that has travelled for `tau` metres, in a medium that scatters
+/// `sigma_s` times per metre with the mean cosine `g` and absorbs nothing.
+fn second_moment(sigma_s: f64, g: f64, tau: f64) -> f64 {
+    let s = sigma_s * (1.0 - g);
+    2.0 * (s * tau - 1.0 + (-s * tau).exp()) / (s * s)
+}
 
 /// For each interval: the mean squared distance of the light from the lamp over the closed form, and the standard error of this
 /// ratio. The medium scatters once per metre, with the mean cosine `g`. First for the right closed form, then for the one with the

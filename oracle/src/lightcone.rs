@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 
-use crate::settings::units::Gate;
+use taugate::Gate;
 
 /// Axis-aligned box with min <= max on every axis. It may be a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,7 +114,7 @@ pub fn effective_power_4d(gate: Gate, node: Extent, buckets: &[f64], q: DVec3, q
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::numbers::Pcg;
+    use taugate::internals::generate::numbers::Pcg;
 
     const UNIT: Bounds = Bounds { min: DVec3::ZERO, max: DVec3::ONE };
     const GATE: Gate = Gate { lo: 10.0, hi: 12.0 };

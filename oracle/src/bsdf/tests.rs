@@ -1,7 +1,6 @@
 use super::*;
-use crate::generate::numbers::Pcg;
-use crate::generate::stage::{diffuse, metal, plastic};
-use crate::scene;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::stage::{diffuse, metal, plastic};
 
 fn direction(cos: f64, angle: f64) -> DVec3 {
     let sin = (1.0 - cos * cos).sqrt();
@@ -22,7 +21,7 @@ fn some_materials() -> Vec<Material> {
     all.push(coated(metal("", [1.0; 3], 0.3), 0.6));
     all.push(coated(plastic("", [1.0; 3], 0.8), 0.3));
     all.push(Material { specular_color: [30.0, 5.0, 0.0], ..plastic("", [1.0; 3], 0.5) });
-    let sheet = Some(scene::Retroreflector { share: 0.6, angle: 10.0 });
+    let sheet = Some(taugate::Retroreflector { share: 0.6, angle: 10.0 });
     all.push(Material { retroreflector: sheet, ..plastic("", [1.0; 3], 0.7) });
     all
 }
@@ -121,7 +120,7 @@ fn glass_by_hand() {
     // Total reflection beyond asin(1 / 1.5), whose cosine is 0.745.
     assert_eq!(fresnel_dielectric(0.74, 1.0 / 1.5), 1.0);
     assert!(fresnel_dielectric(0.76, 1.0 / 1.5) < 0.5);
-    let prepared = PreparedMaterial::new(&crate::generate::stage::glass(""));
+    let prepared = PreparedMaterial::new(&taugate::internals::generate::stage::glass(""));
     let bsdf = prepared.at([1.0; 3]);
     assert!(bsdf.only_delta());
     let through = bsdf.sample(direction(0.5, 0.0), false, [0.9, 0.5, 0.5]).unwrap();

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
 
-use crate::scene::Scene;
+use taugate::Scene;
 
 /// A triangle in world space. Seen from the front, its corners are counter-clockwise, except in mirrored instances.
 #[derive(Debug, Clone, Copy)]
@@ -343,8 +343,8 @@ fn entry(node: &Node, ray: &Ray, inverse: DVec3) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::numbers::Pcg;
-    use crate::generate::{Kind, build};
+    use taugate::internals::generate::numbers::Pcg;
+    use taugate::internals::generate::{Kind, build};
 
     #[test]
     fn tree_and_exhaustion_agree() {

@@ -5,8 +5,8 @@ use glam::{DAffine3, DVec3};
 
 use super::geometry::{Geometry, Ray, Surface};
 use super::phase::Phase;
-use crate::generate::numbers::Pcg;
-use crate::scene::{DensityGrid, GridFilter, Material, Medium, Mesh, Scene};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{DensityGrid, GridFilter, Material, Medium, Mesh, Scene};
 
 /// All media of a scene.
 pub struct Media<'a> {

@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use crate::generate::numbers::Pcg;
-use crate::scene::PhaseFunction;
+use taugate::PhaseFunction;
+use taugate::internals::generate::numbers::Pcg;
 
 /// A phase function, with the cumulative distribution of its table if it has one.
 pub struct Phase<'a> {

@@ -26,10 +26,8 @@ use super::geometry::Ray;
 use super::media::{Channel, Region};
 use super::rgb;
 use super::world::World;
-use crate::generate::numbers::Pcg;
-use crate::scene::Scene;
-use crate::settings::Emitters;
-use crate::settings::units::Gate;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{Emitters, Gate, Scene};
 
 /// Settings of a render.
 #[derive(Debug, Clone)]

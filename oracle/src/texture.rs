@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::{Scene, Wrap};
+use taugate::{Scene, Wrap};
 
 /// Linear RGBA at a texture coordinate of the mesh. After the transform of the texture, (0, 0) is the outer corner of the first
 /// texel. Without a texture, the result is white.
@@ -80,8 +80,8 @@ fn wrap(i: i64, size: i64, mode: Wrap) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Image, Texture};
     use glam::DAffine2;
+    use taugate::{Image, Texture};
 
     #[test]
     fn wrapping_and_filtering() {

@@ -14,7 +14,7 @@ use super::geometry::Ray;
 use super::media::{Channel, PreparedMedium, Region, Stretch};
 use super::phase::Phase;
 use super::world::{Vertex, World};
-use crate::generate::numbers::Pcg;
+use taugate::internals::generate::numbers::Pcg;
 
 /// A vertex of a path: a point of a surface, or a point in a medium where light is scattered.
 pub enum PathVertex<'a> {
@@ -222,9 +222,8 @@ fn majorant(medium: &PreparedMedium, channel: Channel) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::oracle::fog::second_moment;
-    use crate::scene::{Medium, PhaseFunction, Scene};
-    use crate::settings::Emitters;
+    use crate::fog::second_moment;
+    use taugate::{Emitters, Medium, PhaseFunction, Scene};
 
     /// Squared distances from the start at the times `taus` of a walk in an infinite medium.
     fn walk(world: &World, taus: &[f64], pcg: &mut Pcg) -> Vec<f64> {

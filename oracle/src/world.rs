@@ -6,9 +6,8 @@ use super::bsdf::{Bsdf, PreparedMaterial, Sample, Texels};
 use super::geometry::{Geometry, Ray, Surface};
 use super::media::Media;
 use super::{rgb, texture};
-use crate::generate::numbers::Pcg;
-use crate::scene::{AlphaMode, Material, Scene};
-use crate::settings::Emitters;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{AlphaMode, Emitters, Material, Scene};
 
 /// Geometry, materials, and the emitters that are switched on.
 pub struct World<'a> {
@@ -207,7 +206,7 @@ impl Vertex<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::{shapes, stage};
+    use taugate::internals::generate::{shapes, stage};
 
     /// The default metalness of glTF is 1. It leaves no light for a transmission, so the back of such a material is black.
     #[test]

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::geometry::Surface;
 use super::texture;
-use crate::scene::Scene;
+use taugate::Scene;
 
 /// Minimum cosine between a normal of a normal map and the geometric normal.
 const MIN_COSINE: f64 = 0.1;

@@ -33,9 +33,9 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::{ggx, rgb};
-use crate::scene::Material;
 use coat::{Coat, CoatTables};
 use retroreflector::Retroreflector;
+use taugate::Material;
 
 /// A GGX lobe with a smaller alpha counts as a perfect mirror.
 pub const MIRROR_ALPHA: f64 = 1e-3;

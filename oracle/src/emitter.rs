@@ -10,8 +10,8 @@ use super::geometry::{Hit, Ray};
 use super::media::{Channel, Region};
 use super::rgb;
 use super::world::{Vertex, World};
-use crate::generate::numbers::Pcg;
-use crate::scene::{Light, LightKind, SkyImage};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{Light, LightKind, SkyImage};
 
 /// Direct light from one sampled emitter.
 pub struct LightSample {

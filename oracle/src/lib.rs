@@ -1,8 +1,8 @@
-//! A second implementation of the renderer's mathematics, slow but simple, in f64. It serves tests, and `self_check` uses
-//! [`sphere`], [`fog`] and [`phase`].
+//! A second implementation of the renderer's mathematics, slow but simple, in f64.
 //!
-//! Tests compare the renderer with this module, so the two share only plain data such as [`crate::scene::Scene`]. [`sphere`] is a
-//! closed form, [`path_tracer`] another algorithm, [`lightcone`] a second version of the paper's equations.
+//! Tests compare the renderer with this crate, so the two share only plain data such as [`taugate::Scene`] and a generator of random
+//! numbers. [`path_tracer`] is another algorithm, [`lightcone`] a second version of the paper's equations. Closed forms that the
+//! program needs too are in `taugate::internals::self_check`.
 
 pub mod bsdf;
 mod bump;
@@ -16,7 +16,6 @@ pub mod lightcone;
 pub mod media;
 pub mod path_tracer;
 pub mod phase;
-pub mod sphere;
 pub mod texture;
 mod world;
 

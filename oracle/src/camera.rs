@@ -13,7 +13,7 @@
 use glam::DVec3;
 
 use super::geometry::Ray;
-use crate::scene::{Camera, Projection, Scene};
+use taugate::{Camera, Projection, Scene};
 
 /// A camera with the size of its image plane.
 pub struct Sensor<'a> {

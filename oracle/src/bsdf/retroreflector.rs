@@ -6,7 +6,6 @@ use std::f64::consts::SQRT_2;
 use glam::DVec3;
 
 use super::super::ggx;
-use crate::scene;
 
 #[derive(Debug, Clone)]
 pub struct Retroreflector {
@@ -15,7 +14,7 @@ pub struct Retroreflector {
 }
 
 impl Retroreflector {
-    pub fn new(source: scene::Retroreflector) -> Retroreflector {
+    pub fn new(source: taugate::Retroreflector) -> Retroreflector {
         // A facet tilted by t turns the light by 2 t. The tails of GGX fall to a half where (1 + (tan t / alpha)^2)^2 = 2.
         let tilt = f64::from(source.angle).to_radians() / 2.0;
         Retroreflector { share: source.share.into(), alpha: tilt.tan() / (SQRT_2 - 1.0).sqrt() }
