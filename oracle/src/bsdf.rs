@@ -31,11 +31,11 @@ mod retroreflector;
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
+use taugate::Material;
 
 use super::{ggx, rgb};
 use coat::{Coat, CoatTables};
 use retroreflector::Retroreflector;
-use taugate::Material;
 
 /// A GGX lobe with a smaller alpha counts as a perfect mirror.
 pub const MIRROR_ALPHA: f64 = 1e-3;

@@ -1,10 +1,10 @@
 //! Normal maps.
 
 use glam::{DVec2, DVec3};
+use taugate::Scene;
 
 use super::geometry::Surface;
 use super::texture;
-use taugate::Scene;
 
 /// Minimum cosine between a normal of a normal map and the geometric normal.
 const MIN_COSINE: f64 = 0.1;

@@ -11,9 +11,9 @@
 //! projected into it.
 
 use glam::DVec3;
+use taugate::{Camera, Projection, Scene};
 
 use super::geometry::Ray;
-use taugate::{Camera, Projection, Scene};
 
 /// A camera with the size of its image plane.
 pub struct Sensor<'a> {

@@ -4,14 +4,14 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{Light, LightKind, SkyImage};
 
 use super::flight::{Flight, PathVertex};
 use super::geometry::{Hit, Ray};
 use super::media::{Channel, Region};
 use super::rgb;
 use super::world::{Vertex, World};
-use taugate::internals::generate::numbers::Pcg;
-use taugate::{Light, LightKind, SkyImage};
 
 /// Direct light from one sampled emitter.
 pub struct LightSample {

@@ -8,13 +8,13 @@
 //! Without media, these functions draw no random numbers of their own.
 
 use glam::DVec3;
+use taugate::internals::generate::numbers::Pcg;
 
 use super::bsdf::Sample;
 use super::geometry::Ray;
 use super::media::{Channel, PreparedMedium, Region, Stretch};
 use super::phase::Phase;
 use super::world::{Vertex, World};
-use taugate::internals::generate::numbers::Pcg;
 
 /// A vertex of a path: a point of a surface, or a point in a medium where light is scattered.
 pub enum PathVertex<'a> {

@@ -1,7 +1,6 @@
 //! The scene as triangles in world space, a bounding volume hierarchy over them, and rays. All numbers are f64.
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
-
 use taugate::Scene;
 
 /// A triangle in world space. Seen from the front, its corners are counter-clockwise, except in mirrored instances.

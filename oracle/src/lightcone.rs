@@ -3,7 +3,6 @@
 //! Gates are half-open, [lo, hi), while the paper's gates are closed. A gate with hi <= lo is empty.
 
 use glam::DVec3;
-
 use taugate::Gate;
 
 /// Axis-aligned box with min <= max on every axis. It may be a point.

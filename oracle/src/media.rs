@@ -2,11 +2,11 @@
 //! side of a closed mesh a path is.
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{DensityGrid, GridFilter, Material, Medium, Mesh, Scene};
 
 use super::geometry::{Geometry, Ray, Surface};
 use super::phase::Phase;
-use taugate::internals::generate::numbers::Pcg;
-use taugate::{DensityGrid, GridFilter, Material, Medium, Mesh, Scene};
 
 /// All media of a scene.
 pub struct Media<'a> {

@@ -18,6 +18,8 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{Emitters, Gate, Scene};
 
 use super::camera::Sensor;
 use super::emitter::{self, BeamSpot, EmitterSet};
@@ -26,8 +28,6 @@ use super::geometry::Ray;
 use super::media::{Channel, Region};
 use super::rgb;
 use super::world::World;
-use taugate::internals::generate::numbers::Pcg;
-use taugate::{Emitters, Gate, Scene};
 
 /// Settings of a render.
 #[derive(Debug, Clone)]

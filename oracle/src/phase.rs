@@ -3,7 +3,6 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-
 use taugate::PhaseFunction;
 use taugate::internals::generate::numbers::Pcg;
 

@@ -3,7 +3,6 @@
 use std::sync::LazyLock;
 
 use glam::{DVec2, DVec3};
-
 use taugate::{Scene, Wrap};
 
 /// Linear RGBA at a texture coordinate of the mesh. After the transform of the texture, (0, 0) is the outer corner of the first

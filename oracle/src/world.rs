@@ -1,13 +1,13 @@
 //! The scene as rays see it: path vertices with their BSDFs, and coverage by alpha.
 
 use glam::DVec3;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::{AlphaMode, Emitters, Material, Scene};
 
 use super::bsdf::{Bsdf, PreparedMaterial, Sample, Texels};
 use super::geometry::{Geometry, Ray, Surface};
 use super::media::Media;
 use super::{rgb, texture};
-use taugate::internals::generate::numbers::Pcg;
-use taugate::{AlphaMode, Emitters, Material, Scene};
 
 /// Geometry, materials, and the emitters that are switched on.
 pub struct World<'a> {
