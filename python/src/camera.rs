@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
-use taugate::internals::scene::{Camera, Projection, Scene};
+use taugate::internals::scene::{Camera, Scene};
 use taugate::internals::settings::Settings;
 
 /// The data of the Python class `Camera`.
@@ -10,12 +10,12 @@ use taugate::internals::settings::Settings;
 #[derive(Clone, Serialize, Deserialize)]
 pub struct View {
     name: String,
-    /// `perspective`, `orthographic` or `aimed`.
-    kind: String,
     /// World from camera space, row by row; the camera looks along -Z, and +Y is up.
     world_from_camera: [[f64; 4]; 4],
-    /// Vertical field of view in radians; height of an orthographic view in metres; field of view of an aimed pixel in radians.
-    extent: f64,
+    /// Vertical field of view in radians, of a perspective camera.
+    yfov: Option<f64>,
+    /// In metres, of an orthographic camera.
+    view_height: Option<f64>,
     principal_point: [f64; 2],
     /// Of the whole image.
     resolution: [u32; 2],
@@ -26,17 +26,12 @@ pub struct View {
 impl View {
     pub fn of(scene: &Scene, settings: &Settings) -> PyResult<View> {
         let Camera { name, transform, projection, principal_point, .. } = &scene.cameras[settings.camera()];
-        let (kind, extent) = match *projection {
-            Projection::Perspective { yfov } => ("perspective", yfov),
-            Projection::Orthographic { height } => ("orthographic", height),
-            Projection::Aimed { pixel_fov, .. } => ("aimed", pixel_fov),
-        };
         let crop = settings.crop();
         Ok(View {
             name: name.clone(),
-            kind: kind.into(),
             world_from_camera: glam::DMat4::from(*transform).transpose().to_cols_array_2d(),
-            extent,
+            yfov: projection.yfov(),
+            view_height: projection.view_height(),
             principal_point: *principal_point,
             resolution: settings.resolution(),
             crop: [crop.x0, crop.x1, crop.y0, crop.y1],

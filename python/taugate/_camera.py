@@ -83,12 +83,11 @@ class Camera:
     @classmethod
     def _of(cls, view):
         """The camera of a native view."""
-        is_perspective = view.kind == "perspective"
         return cls(
             np.array(view.world_from_camera) @ FLIP,
             tuple(view.resolution),
-            math.degrees(view.extent) if is_perspective else None,
-            view.extent if view.kind == "orthographic" else None,
+            None if view.yfov is None else math.degrees(view.yfov),
+            view.view_height,
             tuple(view.principal_point),
             view.name,
             tuple(view.crop),

@@ -17,9 +17,9 @@ def scan(
 
 class View:
     name: str
-    kind: str
     world_from_camera: list[list[float]]
-    extent: float
+    yfov: Optional[float]
+    view_height: Optional[float]
     principal_point: list[float]
     resolution: list[int]
     crop: list[int]

@@ -22,7 +22,7 @@ use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
     probe,
 };
-use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Projection, Scene, SkyImage};
+use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Scene, SkyImage};
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
 
@@ -226,11 +226,8 @@ fn contents(scene: &Scene) -> Report {
     let interiors = used_materials().filter_map(|m| Some(describe_interior(&m.name, m.interior.as_ref()?))).collect();
     let emitters = emitters(scene).map(|(node, kind)| Emitter { node, kind, watts: None });
     let cameras = scene.cameras.iter().map(|camera| {
-        let (degrees_high, metres_high) = match camera.projection {
-            Projection::Perspective { yfov } => (Some(yfov.to_degrees()), None),
-            Projection::Orthographic { height } => (None, Some(height)),
-            Projection::Aimed { .. } => (None, None),
-        };
+        let (degrees_high, metres_high) =
+            (camera.projection.yfov().map(f64::to_degrees), camera.projection.view_height());
         let position = camera.transform.translation.to_array();
         Camera { name: camera.name.clone(), position, degrees_high, metres_high, resolution: camera.resolution }
     });

@@ -316,22 +316,22 @@ fn add_textures<const N: usize>(extension: &mut Value, textures: [(&str, Option<
 }
 
 fn camera(camera: &Camera) -> Value {
-    let mut out = match &camera.projection {
-        &Projection::Perspective { yfov } => {
+    let mut out = match camera.projection {
+        Projection::Perspective { yfov } => {
             let mut perspective = json!({"yfov": number(yfov as f32), "znear": 0.01});
             if let Some(aspect) = camera.aspect {
                 perspective["aspectRatio"] = number(aspect as f32);
             }
             json!({"type": "perspective", "name": camera.name, "perspective": perspective})
         }
-        &Projection::Orthographic { height } => {
+        Projection::Orthographic { height } => {
             let half_width = 0.5 * height * camera.aspect.unwrap_or(1.0);
             // The loader ignores the far plane, but glTF requires one.
             let orthographic = json!({"xmag": number(half_width as f32), "ymag": number(0.5 * height as f32),
                 "znear": 0.0, "zfar": 1e6});
             json!({"type": "orthographic", "name": camera.name, "orthographic": orthographic})
         }
-        Projection::Aimed { .. } => panic!("glTF has no camera like '{}'", camera.name),
+        _ => panic!("glTF has no camera like '{}'", camera.name),
     };
     if let Some([width, height]) = camera.resolution {
         out["extras"] = json!({"width": width, "height": height});

@@ -27,6 +27,7 @@ use crate::settings::units::Gate;
 use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
+use camera::CameraKind;
 use choice::Choice;
 
 /// Represents infinity on the device. Its sum with any travel time is still finite.
@@ -108,9 +109,7 @@ pub struct Plan {
     pub has_distant: bool,
     /// Whether there is a sky.
     has_sky: bool,
-    /// The kind of camera that the kernels are compiled for: whether the camera rays are parallel, and the number of aimed rays.
-    is_orthographic: bool,
-    aims: usize,
+    camera_kind: CameraKind,
     /// Whether each aimed ray has a laser of its own ([`PreparedScene::with_own_lasers`]).
     pub has_own_lasers: bool,
     has_media: bool,
@@ -205,8 +204,7 @@ impl Plan {
             max_delay: prepared.geometry.max_delay,
             has_distant: emitters.has_distant,
             has_sky: !emitters.sky.is_empty(),
-            is_orthographic: camera.projection.is_orthographic(),
-            aims: prepared.aims.len(),
+            camera_kind: CameraKind::of(camera),
             has_own_lasers,
             has_media: !prepared.media.list.is_empty(),
             beam_share: emitters.beam_share(),
@@ -378,7 +376,7 @@ impl Plan {
 
     /// Maximum number of samples per pixel in one iteration, averaged over the pixels.
     pub fn max_samples(&self) -> u32 {
-        if self.aims > 0 && !self.adaptive { MAX_AIMED_SAMPLES } else { MAX_AVERAGE_SAMPLES }
+        if self.camera_kind.aims > 0 && !self.adaptive { MAX_AIMED_SAMPLES } else { MAX_AVERAGE_SAMPLES }
     }
 
     /// Number of light subpaths per iteration. The first `light_paths` of them are stored for connections. The others serve

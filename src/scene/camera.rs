@@ -2,9 +2,12 @@
 
 #![warn(missing_docs)]
 
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
+
+use super::check::{Checked, MAX_COORDINATE};
 
 /// A camera. It looks along -Z of its transform, with +Y up and +X to the right.
 ///
@@ -69,6 +72,22 @@ impl Projection {
         matches!(self, Projection::Orthographic { .. })
     }
 
+    /// Vertical field of view in radians; `None` if the camera is not [`Projection::Perspective`].
+    pub fn yfov(&self) -> Option<f64> {
+        match *self {
+            Projection::Perspective { yfov } => Some(yfov),
+            _ => None,
+        }
+    }
+
+    /// Height of the view in metres; `None` if the camera is not [`Projection::Orthographic`].
+    pub fn view_height(&self) -> Option<f64> {
+        match *self {
+            Projection::Orthographic { height } => Some(height),
+            _ => None,
+        }
+    }
+
     /// The points at which the pixels look; `None` if the camera has an image plane.
     pub fn aims(&self) -> Option<&[Aim]> {
         match self {
@@ -85,6 +104,37 @@ impl Projection {
             Projection::Orthographic { height } => 0.5 * height,
             Projection::Aimed { pixel_fov, .. } => (0.5 * pixel_fov).tan(),
         }
+    }
+
+    /// Whether a camera at `place` (world space, in metres) can have this projection. The error is a clause that follows the name of
+    /// the camera.
+    pub(super) fn check(&self, place: DVec3) -> Checked {
+        match self {
+            &Projection::Perspective { yfov } if !(yfov > 0.0 && yfov < PI) => {
+                Err(format!("has a yfov of {yfov}; it must be between 0 and pi"))
+            }
+            &Projection::Orthographic { height } if !(height > 0.0 && height <= MAX_COORDINATE) => {
+                Err(format!("has a view {height} m high; use a height above 0, up to {MAX_COORDINATE:e} m"))
+            }
+            Projection::Aimed { pixel_fov, .. } if !(0.0..=FRAC_PI_2).contains(pixel_fov) => {
+                Err(format!("has pixels with a field of view of {pixel_fov}; it must be from 0 to pi / 2"))
+            }
+            Projection::Aimed { aims, .. } if aims.is_empty() || !aims.iter().all(|aim| aim.is_valid(place)) => {
+                Err(format!(
+                    "aims at no point, at its own place, at a point farther than {MAX_COORDINATE:e} m from the origin, or omits a \
+                     length that is negative or above {MAX_COORDINATE:e} m"
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Aim {
+    /// Whether a pixel of a camera at `place` can look at this point.
+    fn is_valid(&self, place: DVec3) -> bool {
+        let is_near = self.point.abs().max_element() <= MAX_COORDINATE;
+        is_near && (0.0..=MAX_COORDINATE).contains(&self.omitted) && self.point.distance(place) > 0.0
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::light::Light;
-use super::{Aim, Camera, Image, Instance, Material, Mesh, Projection, Scene};
+use super::{Camera, Image, Instance, Material, Mesh, Scene};
 use crate::error::{Error, Result};
 
 /// Upper bound on the coordinates of a scene, in metres from the origin of the world. Within it, squares of lengths do not
@@ -161,35 +161,7 @@ pub(super) fn check_camera(camera: &Camera) -> Checked {
             name()
         ));
     }
-    match &camera.projection {
-        &Projection::Perspective { yfov } if !(yfov > 0.0 && yfov < std::f64::consts::PI) => {
-            return Err(format!("{} has a yfov of {yfov}; it must be between 0 and pi", name()));
-        }
-        &Projection::Orthographic { height } if !(height > 0.0 && height <= MAX_COORDINATE) => {
-            return Err(format!(
-                "{} has a view {height} m high; use a height above 0, up to {MAX_COORDINATE:e} m",
-                name()
-            ));
-        }
-        Projection::Aimed { aims, pixel_fov } => {
-            if !(0.0..=std::f64::consts::FRAC_PI_2).contains(pixel_fov) {
-                return Err(format!(
-                    "{} has pixels with a field of view of {pixel_fov}; it must be from 0 to pi / 2",
-                    name()
-                ));
-            }
-            let is_near = |aim: &Aim| aim.point.abs().max_element() <= MAX_COORDINATE && aim.omitted <= MAX_COORDINATE;
-            let is_valid = |aim: &Aim| is_near(aim) && aim.omitted >= 0.0 && aim.point.distance(translation) > 0.0;
-            if aims.is_empty() || !aims.iter().all(is_valid) {
-                return Err(format!(
-                    "{} aims at no point, at its own place, at a point farther than {MAX_COORDINATE:e} m from the origin, or omits \
-                     a length that is negative or above {MAX_COORDINATE:e} m",
-                    name()
-                ));
-            }
-        }
-        _ => {}
-    }
+    camera.projection.check(translation).map_err(|why| format!("{} {why}", name()))?;
     if camera.aspect.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
         return Err(format!("{} has an aspect that is not positive", name()));
     }
@@ -242,7 +214,7 @@ pub fn check_extent([low, high]: &[DVec3; 2], transform: &DAffine3, name: &str) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{LightKind, Medium};
+    use crate::scene::{LightKind, Medium, Projection};
 
     #[test]
     fn flattening_is_singular_and_thinning_is_not() {

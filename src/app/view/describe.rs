@@ -8,7 +8,7 @@ use taugate::internals::image::exr_file;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::named;
 use taugate::internals::input::resolve::emitting_nodes;
-use taugate::internals::scene::{Projection, Scene};
+use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 
 use super::super::info;
@@ -73,18 +73,13 @@ fn camera(scene: &Scene, settings: &Settings) -> Camera {
         distance if distance > 0.0 => distance,
         _ => 1.0,
     };
-    let (fov, ortho) = match camera.projection {
-        Projection::Perspective { yfov } => (Some(yfov.to_degrees()), None),
-        Projection::Orthographic { height } => (None, Some(height)),
-        Projection::Aimed { .. } => (None, None),
-    };
     Camera {
         name: camera.name.clone(),
         look_from: from.to_array(),
         look_at: (from + distance * forward).to_array(),
         up: axis(glam::DVec3::Y).to_array(),
-        fov,
-        ortho,
+        fov: camera.projection.yfov().map(f64::to_degrees),
+        ortho: camera.projection.view_height(),
     }
 }
 

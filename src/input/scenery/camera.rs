@@ -93,13 +93,13 @@ fn make(table: &mut CameraTable, scene: &mut Scene) -> Result<usize> {
         }
         None => 1.0,
     };
-    let place = match &projection {
-        &Projection::Perspective { yfov } => {
+    let place = match projection {
+        Projection::Perspective { yfov } => {
             let tangent = (0.5 * yfov).tan();
             frame(scene.bounds().unwrap_or([DVec3::ZERO; 2]), [tangent * aspect, tangent])
         }
         // So far from the centre, the whole scene is in front of the sensor plane.
-        Projection::Orthographic { .. } | Projection::Aimed { .. } => centre(scene) + away(scene.diagonal()),
+        _ => centre(scene) + away(scene.diagonal()),
     };
     table.look_from.get_or_insert(Numbers(place.to_array()));
     table.look_at.get_or_insert(Numbers(centre(scene).to_array()));

@@ -5,13 +5,31 @@ use glam::DVec3;
 use super::Plan;
 use crate::scene::{Aim, Camera};
 
-impl Plan {
-    /// Whether [`Plan::set_camera`] can replace the camera by this one. Both must be of one kind (perspective, orthographic, aimed), with
-    /// equally many aimed rays. The new one must be near the one that the scene was prepared for (see `RenderSpace::sensor`).
-    pub fn takes(&self, camera: &Camera) -> bool {
+/// The kind of camera that the kernels are compiled for.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct CameraKind {
+    /// Whether the camera rays are parallel.
+    pub is_orthographic: bool,
+    /// Number of aimed rays.
+    pub aims: usize,
+}
+
+impl CameraKind {
+    pub fn of(camera: &Camera) -> CameraKind {
         let aims = camera.projection.aims().map_or(0, <[Aim]>::len);
-        let is_same_kind = camera.projection.is_orthographic() == self.is_orthographic && aims == self.aims;
-        is_same_kind && self.space.sensor(camera.transform.translation).is_some()
+        CameraKind { is_orthographic: camera.projection.is_orthographic(), aims }
+    }
+
+    /// Values of the WGSL `override` constants that depend on the kind alone.
+    pub fn constants(self) -> [(&'static str, bool); 2] {
+        [("HAS_ORTHOGRAPHIC", self.is_orthographic), ("HAS_AIMS", self.aims > 0)]
+    }
+}
+
+impl Plan {
+    /// Whether [`Plan::set_camera`] can replace the camera by this one. Both must be of one kind, with equally many aimed rays. The new one must be near the one that the scene was prepared for (see `RenderSpace::sensor`).
+    pub fn takes(&self, camera: &Camera) -> bool {
+        CameraKind::of(camera) == self.camera_kind && self.space.sensor(camera.transform.translation).is_some()
     }
 
     /// Replaces the camera by one that [`Plan::takes`]; the film keeps its size.
@@ -29,11 +47,11 @@ impl Plan {
         frame.sensor_solid = self.solids.material_at(sensor);
         let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
         (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
-        let [width, height] = match self.aims {
+        let [width, height] = match self.camera_kind.aims {
             0 => [frame.width, frame.height].map(f64::from),
             _ => [1.0; 2],
         };
-        let half_height = match self.is_orthographic {
+        let half_height = match self.camera_kind.is_orthographic {
             false => camera.projection.half_height(),
             true => self.space.length(camera.projection.half_height()),
         };

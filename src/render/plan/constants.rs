@@ -19,9 +19,7 @@ impl Plan {
         let mut constants = self.features.constants().to_vec();
         constants.extend([
             ("WORKGROUP", self.tuning.workgroup.into()),
-            ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
-            ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
-            ("HAS_AIMS", switch(self.aims > 0)),
+            ("HAS_PARALLEL", switch(self.has_distant || self.camera_kind.is_orthographic)),
             ("HAS_OWN_LASERS", switch(self.has_own_lasers)),
             ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
@@ -40,6 +38,7 @@ impl Plan {
             ("OBSERVE", observe.into()),
             ("TIME_GROUPS", self.time_groups().into()),
         ]);
+        constants.extend(self.camera_kind.constants().map(|(name, on)| (name, switch(on))));
         constants.extend(self.media_constants);
         constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));
         constants
@@ -71,7 +70,7 @@ impl Plan {
     /// Whether events on the lines of beams are also drawn inside the gate, for connections to the sensor (t = 1). Not for
     /// orthographic cameras: `gate_interval` takes the sensor as a point.
     pub fn draws_on_beams(&self) -> bool {
-        self.draws_in_gate() && self.splats && self.beam_share > 0.0 && !self.is_orthographic
+        self.draws_in_gate() && self.splats && self.beam_share > 0.0 && !self.camera_kind.is_orthographic
     }
 
     /// Number of parts of the gate; a query kernel may choose a vertex for each part.
