@@ -290,7 +290,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
             ortho: table.ortho.map(Spanned::into_inner),
             principal_point: table.principal_point,
             resolution: table.resolution,
-            crop: None,
+            ..CameraTable::default()
         },
         emitter: EmitterTable {
             emitters: table.emitters,
