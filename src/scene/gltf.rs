@@ -164,10 +164,10 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
         unusable_cameras,
         lights,
         lights_off,
-        sky: None,
         media,
         moving,
         warnings: warnings.list,
+        ..Scene::default()
     };
     scene.checked()?;
     Ok(scene)

@@ -120,7 +120,7 @@ impl EmitterSet {
 
     /// Whether at least one emitter can be connected to shade points. Points of beams cannot.
     pub fn has_connectable(&self) -> bool {
-        self.has_area() || !self.deterministic.is_empty() || !self.sky.is_empty()
+        self.table.iter().any(|entry| entry.kind != EMITTER_BEAM)
     }
 
     /// Probability that a light subpath starts from a beam.
