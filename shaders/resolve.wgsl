@@ -1,34 +1,62 @@
-// Computes the mean over the samples of each pixel.
+// Computes the mean over the samples of each pixel, and adds up the counts of the tile's paths.
 #import math
 #import samples
 
 @group(2) @binding(0) var<storage, read> radiance: array<vec4<f32>>;
+// Counts per path, see gather.wgsl.
 @group(2) @binding(1) var<storage, read> tallies: array<vec4<u32>>;
 // One entry per pixel of the crop, row-major. xyz: mean of the samples. w: sum of their squared luminances.
 @group(2) @binding(2) var<storage, read_write> film: array<vec4<f32>>;
-@group(2) @binding(3) var<storage, read_write> film_tallies: array<vec4<u32>>;
+// The host reads these words anyway, so it reads the sums of the tallies with them.
+@group(2) @binding(3) var<storage, read_write> counters: Counters;
+
+// The arrays have a fixed size, because naga cannot check indices of atomics in others (TAUGATE_BOUNDS_CHECKS).
+struct Counters {
+    lists: array<u32, COUNTER_TALLIES>,
+    tallies: array<atomic<u32>, 4>,
+}
+
+// Number of paths whose tallies one thread sums, so that few threads add to the same words.
+const TALLIED_PATHS: u32 = 32u;
 
 // One thread per sample of the tile. The thread of a pixel's first sample adds up all samples of the pixel.
 @compute @workgroup_size(WORKGROUP)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= dispatch.count || sensor_sample(id.x).number != 0u) {
+    if (id.x >= dispatch.count) {
+        return;
+    }
+    if (id.x % TALLIED_PATHS == 0u) {
+        sum_tallies(id.x);
+    }
+    if (sensor_sample(id.x).number != 0u) {
         return;
     }
     var sum = vec3<f32>(0.0);
     var squares = 0.0;
-    var tally = vec4<u32>(0u);
     // The loop exits at its top: SwiftShader loses the last iteration of a loop that exits at its end (src/gpu/quirks.rs).
     let end = id.x + samples_of_pixel(id.x);
     for (var path = id.x; path < end; path++) {
         let r = radiance[path].xyz;
-        let finite = is_finite(r);
-        let counted = select(vec3<f32>(0.0), r, finite);
+        let counted = select(vec3<f32>(0.0), r, is_finite(r));
         sum += counted;
         squares += square(luminance(counted));
-        tally += tallies[path] + vec4<u32>(select(1u, 0u, finite), 0u, 0u, 0u);
     }
     let p = sensor_sample(id.x).pixel - vec2<u32>(frame.crop_x, frame.crop_y);
     let index = p.y * frame.crop_width + p.x;
     film[index] = vec4<f32>(sum / f32(end - id.x), squares);
-    film_tallies[index] = tally;
+}
+
+// Adds the tallies of TALLIED_PATHS paths to `counters`. Sums of integers do not depend on the order of the threads. They fit 32 bits:
+// a dispatch over all candidate slots has at most 65,535 workgroups, and there are at most 254 bounces.
+fn sum_tallies(first: u32) {
+    var sum = vec4<u32>(0u);
+    let end = min(first + TALLIED_PATHS, dispatch.count);
+    for (var path = first; path < end; path++) {
+        // A sample whose sum is not finite is dropped too.
+        sum += tallies[path] + vec4<u32>(select(1u, 0u, is_finite(radiance[path].xyz)), 0u, 0u, 0u);
+    }
+    atomicAdd(&counters.tallies[0], sum.x);
+    atomicAdd(&counters.tallies[1], sum.y);
+    atomicAdd(&counters.tallies[2], sum.z);
+    atomicAdd(&counters.tallies[3], sum.w);
 }

@@ -112,6 +112,8 @@ struct Dispatch {
 
 // counters[COUNTER_TOTALS + i] is the sum of the lengths that list i has had since the host last wrote the counters.
 const COUNTER_TOTALS: u32 = 8u;
+// counters[COUNTER_TALLIES + i], i < 4, is the sum over the paths of a tile of component i of their tallies (gather.wgsl).
+const COUNTER_TALLIES: u32 = 12u;
 
 @group(0) @binding(0) var<storage, read> frame: Frame;
 var<immediate> dispatch: Dispatch;

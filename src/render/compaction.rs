@@ -3,10 +3,10 @@
 use crate::error::Result;
 use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 use crate::wgsl::layout::Dispatch;
-use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, LISTS};
+use crate::wgsl::layout::constants::{CHUNK, COUNTER_TALLIES, LISTS};
 
-/// Number of u32 counters: the current length of each list, and the sum of its lengths so far.
-pub const COUNTERS: usize = (COUNTER_TOTALS + LISTS) as usize;
+/// Number of u32 counters: the current length of each list, the sum of its lengths so far, and four tallies of sensor subpaths.
+pub const COUNTERS: usize = COUNTER_TALLIES as usize + 4;
 /// Number of u32 values for indirect dispatches: two dispatch sizes per list.
 pub const ARGUMENTS: usize = 6 * LISTS as usize;
 

@@ -184,6 +184,7 @@ pub mod constants {
         CHUNK: u32 = 32,
         LISTS: u32 = 4,
         COUNTER_TOTALS: u32 = 8,
+        COUNTER_TALLIES: u32 = 12,
         ESTIMATOR_PT: u32 = 0,
         ESTIMATOR_BDPT: u32 = 1,
         ESTIMATOR_LCS_PAPER: u32 = 2,

@@ -37,7 +37,6 @@ pub struct Buffers<A: Allocate = Device> {
     pub counters: A::ReadBack,
     pub arguments: A::Buffer,
     pub film: A::ReadBack,
-    pub film_tallies: A::ReadBack,
 }
 
 impl<A: Allocate> Buffers<A> {
@@ -45,14 +44,11 @@ impl<A: Allocate> Buffers<A> {
     pub fn new(to: &A, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers<A>> {
         let few = "use a smaller --resolution or fewer --queries";
         let entries = paths * slots.max(1);
-        let film = plan.crop_pixels as usize;
         let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, few);
         // The host reads contributions only if the plan observes them.
         let (is_observed, has_vertices) = (plan.observe != Observe::Nothing, plan.observe.has_vertices());
         let observed = |desc: BufferDesc| to.read_back_if(is_observed, desc);
         let quads = |name: &'static str, n: usize| BufferDesc::of::<[f32; 4]>(name, n, few);
-        let pixels =
-            |name: &'static str| BufferDesc::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
         Ok(Buffers {
             // A pixel has at least one sample, and a tile has at least one pixel; one more entry ends the list.
             tile_pixels: to.buffer(BufferDesc::of::<TilePixel>("pixels of a tile", paths + 1, few))?,
@@ -87,8 +83,11 @@ impl<A: Allocate> Buffers<A> {
             contributions: observed(quads("contributions", entries))?,
             counters: to.read_back(words("counters", COUNTERS))?,
             arguments: to.buffer(words("dispatch arguments", ARGUMENTS))?,
-            film: to.read_back(pixels("film pixels"))?,
-            film_tallies: to.read_back(pixels("film tallies"))?,
+            film: to.read_back(BufferDesc::of::<[f32; 4]>(
+                "film pixels",
+                plan.crop_pixels as usize,
+                "use a smaller --resolution, or --crop",
+            ))?,
         })
     }
 }
@@ -116,14 +115,12 @@ impl Buffers {
             ("counters", self.counters.buffer()),
             ("arguments", &self.arguments),
             ("film", self.film.buffer()),
-            ("film_tallies", self.film_tallies.buffer()),
         ]
     }
 
-    /// Records the copy of the film to the host, for [`Buffers::film_tallies`] and [`Buffers::add_film`].
+    /// Records the copy of the film to the host, for [`Buffers::add_film`].
     pub fn read_film(&self, recorder: &mut Recorder) -> Result<()> {
-        recorder.read_back(&self.film, self.film.buffer().size())?;
-        recorder.read_back(&self.film_tallies, self.film_tallies.buffer().size())
+        recorder.read_back(&self.film, self.film.buffer().size())
     }
 
     /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image.
@@ -140,18 +137,5 @@ impl Buffers {
         });
         visit(&film, image);
         Ok(())
-    }
-
-    /// The film's tallies, summed over its `pixels`: dropped contributions, shadow rays, contributions inside the gate, candidates.
-    pub fn film_tallies(&self, pixels: usize) -> Result<[u64; 4]> {
-        self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
-            let add = |mut sum: [u64; 4], t: &[u32; 4]| {
-                for k in 0..4 {
-                    sum[k] += u64::from(t[k]);
-                }
-                sum
-            };
-            tallies.iter().fold([0; 4], add)
-        })
     }
 }

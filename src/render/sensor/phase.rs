@@ -90,22 +90,16 @@ impl Ready {
         SensorSubpaths::start(&mut self.tracer, &self.bindings, plan, tile, stats)
     }
 
-    /// Adds the mean of each pixel to `image` (RGB, row-major), and counts what the device has counted. `visit`: see
-    /// [`Buffers::add_film`]. Fails without a call of `visit` if the device's counts contradict each other.
+    /// Adds the mean of each pixel to `image` (RGB, row-major). `visit`: see [`Buffers::add_film`]. Fails without a call of `visit` if
+    /// the device's counts contradict each other.
     pub fn add_film(
         &self,
         image: &mut [f32],
         visit: impl FnOnce(&[[f32; 4]], &[f32]),
         stats: &mut Stats,
     ) -> Result<()> {
-        let buffers = &self.tracer.buffers;
-        let tally = stats.timed(stage::READ_FILM, || buffers.film_tallies(image.len() / 3))?;
-        stats.dropped += tally[0];
-        stats.shadow_rays += tally[1];
-        stats.inside_gate += tally[2];
-        stats.candidates += tally[3];
         // Samples of later iterations must not follow a film that is wrong.
         stats.check()?;
-        stats.timed(stage::READ_FILM, || buffers.add_film(image, visit))
+        stats.timed(stage::READ_FILM, || self.tracer.buffers.add_film(image, visit))
     }
 }

@@ -85,12 +85,18 @@ impl<'a> SensorSubpaths<'a> {
         stats.timed(stage::RECORD, || tracer.record_film(bindings, constants, is_last))?;
         let counters = self.submit()?;
         let SensorSubpaths { tracer, tile, stats, longest, .. } = self;
-        let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
+        let count = |word: u32| u64::from(counters[word as usize]);
+        let total = |list: u32| count(COUNTER_TOTALS + list);
         let samples = tile.sample_count();
         stats.samples += samples as u64;
         stats.closest_rays += samples as u64 + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
         stats.live_candidates += total(CANDIDATES);
+        // The order of the tallies is that of gather.wgsl.
+        stats.dropped += count(COUNTER_TALLIES);
+        stats.shadow_rays += count(COUNTER_TALLIES + 1);
+        stats.inside_gate += count(COUNTER_TALLIES + 2);
+        stats.candidates += count(COUNTER_TALLIES + 3);
         tracer.tile.adapt(samples, is_last, longest);
         Ok(!tracer.is_abandoned())
     }
