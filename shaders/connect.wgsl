@@ -6,6 +6,7 @@
 #import shade_point
 #import tree
 #import samples
+#import observed
 
 // `shade_list`: the sensor subpath of each shade point that was queried. `slot_list`: the indices of candidates that can
 // contribute.
@@ -30,25 +31,40 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let slot = slot_list[id.x];
-    var q = load_shade_point(shade_list[slot / frame.slots]);
+    let path = shade_list[slot / frame.slots];
+    let contribution = connected(load_shade_point(path), id.x, slot);
+    contributions[slot] = contribution;
+    if (OBSERVE != 0u) {
+        observe(first_entry() + id.x, contribution, path, candidates[slot].vertex);
+    }
+}
+
+// The entry in `observed` of the first candidate in `slot_list`: it comes after the paths that this bounce and earlier ones have traced,
+// and after the candidates of earlier bounces. The list of the next bounce's paths is complete, but they are not traced yet.
+fn first_entry() -> u32 {
+    let next = counters[LIVING_LIST + (dispatch.bounce + 1u) % 2u];
+    let traced = dispatch.count + counters[COUNTER_TOTALS + LIVING_LIST] + counters[COUNTER_TOTALS + LIVING_LIST + 1u] - next;
+    return traced + counters[COUNTER_TOTALS + CANDIDATE_LIST] - counters[dispatch.counter] - dispatch.first;
+}
+
+// The entry in `contributions` of the candidate in `slot`, for the shade point `at`. `rank`: place of the candidate in `slot_list`.
+fn connected(at: PathVertex, rank: u32, slot: u32) -> vec4<f32> {
+    var q = at;
     let candidate = candidates[slot];
     if (HAS_SKY && candidate.vertex == SKY_VERTEX) {
-        contributions[slot] = connect_to_sky(q, slot);
-        return;
+        return connect_to_sky(q, slot);
     }
     let sensor = sensor_sample(q.owner);
     if (HAS_ELLIPSOIDS && (candidate.vertex & ELLIPSOIDAL) != 0u) {
         let v = load_light_vertex(candidate.vertex & ~ELLIPSOIDAL);
         if (RESAMPLES_ELLIPSOIDS) {
-            contributions[slot] = connect_by_ellipsoid(q, v, sensor, auxiliary_points[slot / frame.slots], 1.0, slot);
-            return;
+            return connect_by_ellipsoid(q, v, sensor, auxiliary_points[slot / frame.slots], 1.0, slot);
         }
         let tau = drawn_travel_time(sensor);
-        let choice = choices[id.x];
+        let choice = choices[rank];
         let words = pcg4d(ellipsoid_key(sensor, dispatch.bounce, slot) ^ vec4<u32>(0u, 0u, 0u, choice.triangle));
         let point = draw_on_triangle(q, v, tau, choice, f32(words.x >> 8u) * (1.0 / 16777216.0));
-        contributions[slot] = connect_by_ellipsoid(q, v, sensor, AuxiliaryPoint(point.triangle, tau, point.weights), point.inverse_density, slot);
-        return;
+        return connect_by_ellipsoid(q, v, sensor, AuxiliaryPoint(point.triangle, tau, point.weights), point.inverse_density, slot);
     }
     var v = load_light_vertex(candidate.vertex);
     if (HAS_OWN_LASERS) {
@@ -69,16 +85,14 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let tau = connection_time(q, v, w, sqrt(segment.length2));
     let in_gate = gate_weight_before_delays(tau);
     if (in_gate == 0.0) {
-        contributions[slot] = vec4<f32>(0.0, 0.0, 0.0, NOT_TRACED);
-        return;
+        return vec4<f32>(0.0, 0.0, 0.0, NOT_TRACED);
     }
     let contribution = unshadowed(q, v);
     let counted = select(contribution.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
     let value = contribution.xyz * (candidate.weight * counted * in_gate);
     if (!(max_component(abs(value)) > 0.0)) {
         // The value is zero or not a number, so no ray is needed. `gather` counts the second case as dropped.
-        contributions[slot] = vec4<f32>(value, NOT_TRACED);
-        return;
+        return vec4<f32>(value, NOT_TRACED);
     }
 
     // Visibility between the two points, both moved off their surfaces by the rounding offset.
@@ -89,7 +103,7 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
         passed *= gate_weight(delayed);
     }
     let last = select(delayed, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
-    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), last);
+    return vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), last);
 }
 
 // The entry in `contributions` for an ellipsoidal connection of q and v over the point `x`. `inverse_density`: see `EllipsoidPoint`.

@@ -5,6 +5,7 @@
 #import gate
 #import sobol
 #import samples
+#import observed
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> shade_points: array<PathVertex>;
@@ -14,10 +15,6 @@
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
-// The emission at the hit, if OBSERVE is not 0. OBSERVE_TIMES and OBSERVE_RESPONSES: xyz is multiplied by the MIS weight, and w is
-// the travel time. OBSERVE_STRATEGIES: xyz is not multiplied by the MIS weight, and w is this weight.
-@group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
-
 // With DRAWS_IN_GATE only: the segments before the shade points.
 @group(2) @binding(9) var<storage, read_write> segments: array<FogSegment>;
 
@@ -34,7 +31,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var s = states[slot];
     marks[id.x] = 0u;
     if (OBSERVE != 0u) {
-        emitted[slot] = vec4<f32>(0.0);
+        observe(first_entry() + id.x, vec4<f32>(0.0), slot, NONE);
     }
 
     // Nearest surface along the ray.
@@ -56,7 +53,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     if (!arrival.found) {
         if (HAS_SKY && frame.keep_s0 > 0.0) {
-            escape(s, slot);
+            escape(s, slot, id.x);
         }
         if (has_segment) {
             shade_points[slot] = end_of_segment(s, slot, depth);
@@ -80,10 +77,10 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
             tallies[slot].z += 1u;
             // The probe (render/probe.rs) reports scattered light only: that is what the user wants to gate.
             if (OBSERVE == OBSERVE_RESPONSES || (OBSERVE == OBSERVE_TIMES && depth > 1u)) {
-                emitted[slot] = vec4<f32>(light.xyz * light.w, q.tau);
+                observe(first_entry() + id.x, vec4<f32>(light.xyz * light.w, q.tau), slot, NONE);
             }
             if (OBSERVE == OBSERVE_STRATEGIES) {
-                emitted[slot] = light;
+                observe(first_entry() + id.x, light, slot, NONE);
             }
         }
     }
@@ -121,6 +118,14 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     marks[id.x] = mark;
 }
 
+// The entry in `observed` of the first path in `list`: it comes after the paths that earlier bounces have traced, and after their
+// candidates. The totals of the lists of paths leave out the first list, which the host makes, but include the present one.
+fn first_entry() -> u32 {
+    let traced = dispatch.count + counters[COUNTER_TOTALS + LIVING_LIST] + counters[COUNTER_TOTALS + LIVING_LIST + 1u]
+        - counters[dispatch.counter];
+    return traced + counters[COUNTER_TOTALS + CANDIDATE_LIST] - dispatch.first;
+}
+
 // A shade point for the segment of a subpath that has left the scene.
 fn end_of_segment(s: PathState, slot: u32, depth: u32) -> PathVertex {
     var q: PathVertex;
@@ -134,8 +139,8 @@ fn end_of_segment(s: PathState, slot: u32, depth: u32) -> PathVertex {
 }
 
 // Strategy s = 0: the subpath has left the scene, and adds the light of the sky. There is no gate, because this light has no
-// travel time.
-fn escape(s: PathState, slot: u32) {
+// travel time. `rank`: place of the subpath in `list`.
+fn escape(s: PathState, slot: u32, rank: u32) {
     let seen = sky_towards(s.direction);
     let value = s.throughput * seen.radiance;
     if (max_component(value) <= 0.0) {
@@ -145,10 +150,10 @@ fn escape(s: PathState, slot: u32) {
     radiance[slot] += vec4<f32>(value * weight, 0.0);
     tallies[slot].z += 1u;
     if (OBSERVE == OBSERVE_STRATEGIES) {
-        emitted[slot] = vec4<f32>(value, weight);
+        observe(first_entry() + rank, vec4<f32>(value, weight), slot, NONE);
     }
     if (OBSERVE == OBSERVE_RESPONSES) {
-        emitted[slot] = vec4<f32>(value * weight, 0.0);
+        observe(first_entry() + rank, vec4<f32>(value * weight, 0.0), slot, NONE);
     }
 }
 

@@ -92,7 +92,8 @@ struct Frame {
 // Parameters of one dispatch.
 struct Dispatch {
     // Light subpaths: number of the batch's first path within the iteration. First surfaces: number of the first pixel.
-    // Ellipsoids of epc: index of the first part of the BVH.
+    // Ellipsoids of epc: index of the first part of the BVH. Sensor subpaths: number of entries that the host has already read of those
+    // in `observed` (observed.wgsl).
     first: u32,
     // Number of threads that have work, where the host knows this number. Ellipsoids of epc: number of parts of the BVH.
     count: u32,

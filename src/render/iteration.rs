@@ -97,28 +97,19 @@ impl Renderer {
         sensor.begin(stop);
         let mut tiles = stats.timed(stage::RECORD, || Tiles::new(plan.crop, &counts));
         while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(sensor.tile_size())) {
-            let mut arrivals = vec![];
-            let mut subpaths = sensor.start(plan, tile, stats)?;
+            let mut subpaths = sensor.start(plan, tile, &pool, stats)?;
             for bounce in 0..plan.max_depth {
                 subpaths.trace(bounce)?;
                 subpaths.query()?;
                 subpaths.connect()?;
-                match observe {
-                    Observe::Nothing => {}
-                    Observe::Responses => arrivals.extend(subpaths.arrivals()?),
-                    Observe::Times | Observe::Strategies => {
-                        subpaths.contributions(&pool)?.into_iter().flatten().for_each(&mut *visit);
-                    }
-                }
                 if subpaths.have_ended()? {
                     break;
                 }
             }
-            if !subpaths.resolve(is_last)? {
-                return Ok(false);
-            }
+            let Some(found) = subpaths.resolve(is_last)? else { return Ok(false) };
+            found.contributions.into_iter().flatten().for_each(&mut *visit);
             if let Some(responses) = responses {
-                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &arrivals));
+                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &found.arrivals));
             }
         }
 
@@ -129,7 +120,7 @@ impl Renderer {
             }
         };
         sensor.add_film(&mut image, learn, stats)?;
-        if !observe.has_vertices() {
+        if !observe.has_strategies() {
             let image = responses.as_ref().map_or(&image[..], |responses| responses.total());
             stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
         }

@@ -44,11 +44,14 @@ pub struct Tuning {
     /// Maximum number of sensor paths in a tile. `None` adapts it to the time that submits take. On a graphics card a fixed
     /// tile size also fixes the number of bounces per submit of light paths.
     pub tile: Option<usize>,
+    /// Number of contributions of sensor subpaths that the device keeps until the host reads them, or more if one bounce needs more.
+    /// `None`: as many as take at most a few hundred megabytes. No effect if the device reports no contributions.
+    pub observed: Option<usize>,
 }
 
 impl Default for Tuning {
     fn default() -> Self {
-        Tuning { workgroup: 64, tile: None }
+        Tuning { workgroup: 64, tile: None, observed: None }
     }
 }
 
@@ -67,8 +70,8 @@ pub enum Observe {
 }
 
 impl Observe {
-    /// Whether the host reads which light vertex each contribution comes from.
-    pub fn has_vertices(self) -> bool {
+    /// Whether the host reads which strategy each contribution comes from. The device then renders no image.
+    pub fn has_strategies(self) -> bool {
         matches!(self, Observe::Times | Observe::Strategies)
     }
 

@@ -79,12 +79,14 @@ impl ResponseSums {
     }
 
     /// Adds all light of the `pixels` of a tile: their splats, and `arrivals` from sensor subpaths. Each pixel is added only once per
-    /// iteration. In each part of `arrivals`, the pixels ascend. The order of the arrivals of a pixel decides the last bits of its sums.
+    /// iteration. The pixels of `arrivals` ascend again and again, bounce by bounce. The order of the arrivals of a pixel decides the last
+    /// bits of its sums.
     pub fn add(&mut self, pixels: &[u32], arrivals: &[Vec<Arrival<IndexInTile>>]) {
         self.has_part = true;
         let ResponseSums { film, weights, total, splats, samples, replaced, .. } = self;
         let notes = replaced.take_spare(pixels.len().div_ceil(BLOCK));
-        let light = Light { weights, splats, arrivals, samples: *samples, replaced };
+        let runs = arrivals.iter().flat_map(|part| part.chunk_by(|a, b| a.pixel <= b.pixel)).collect();
+        let light = Light { weights, splats, runs, samples: *samples, replaced };
         let mut places = places(film, total, pixels);
         let blocks = places.par_chunks_mut(BLOCK).zip(notes).enumerate();
         let new_sums = || PixelSums::new(light.weights.count());
@@ -135,7 +137,8 @@ fn places<'a>(film: &'a mut ResponseFilm, total: &'a mut [f32], pixels: &[u32]) 
 struct Light<'a> {
     weights: &'a Weights,
     splats: &'a [Arrival],
-    arrivals: &'a [Vec<Arrival<IndexInTile>>],
+    /// In each run, the pixels ascend.
+    runs: Vec<&'a [Arrival<IndexInTile>]>,
     samples: u32,
     replaced: &'a Replaced,
 }
@@ -145,19 +148,19 @@ impl Light<'_> {
     /// memory of `notes`.
     fn add_to(&self, first: usize, places: &mut [Place], sums: &mut PixelSums, mut notes: Notes) -> Notes {
         let has_notes = !self.replaced.is_too_much();
-        let begin_of = |part: &[Arrival<IndexInTile>], index: usize| {
-            part.partition_point(|arrival| arrival.pixel < IndexInTile(index as u32))
+        let begin_of = |run: &[Arrival<IndexInTile>], index: usize| {
+            run.partition_point(|arrival| arrival.pixel < IndexInTile(index as u32))
         };
-        let parts = self.arrivals.iter().map(|part| &part[begin_of(part, first)..begin_of(part, first + places.len())]);
-        let mut parts: Vec<&[Arrival<IndexInTile>]> = parts.filter(|part| !part.is_empty()).collect();
+        let runs = self.runs.iter().map(|run| &run[begin_of(run, first)..begin_of(run, first + places.len())]);
+        let mut runs: Vec<&[Arrival<IndexInTile>]> = runs.filter(|run| !run.is_empty()).collect();
         for (place, index) in places.iter_mut().zip((first as u32..).map(IndexInTile)) {
             sums.clear();
             self.splats_of(place.pixel).iter().for_each(|splat| sums.add(self.weights, splat));
-            for part in &mut parts {
-                let count = part.iter().take_while(|arrival| arrival.pixel == index).count();
-                let (of_pixel, rest) = part.split_at(count);
+            for run in &mut runs {
+                let count = run.iter().take_while(|arrival| arrival.pixel == index).count();
+                let (of_pixel, rest) = run.split_at(count);
                 of_pixel.iter().for_each(|arrival| sums.add(self.weights, arrival));
-                *part = rest;
+                *run = rest;
             }
             let mut total = [0.0; 3];
             sums.visit(|response, rgb| {

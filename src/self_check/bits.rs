@@ -16,7 +16,7 @@ pub fn check(device: &Device, method: Method) -> Result<Verdict> {
     let settings = method.settings(&scene, "light-paths = 1000")?;
     let usual = Tuning::default();
     let mut images = vec![];
-    for tuning in [usual, usual, Tuning { workgroup: 32, tile: Some(100) }] {
+    for tuning in [usual, usual, Tuning { workgroup: 32, tile: Some(100), ..usual }] {
         let mut renderer = Renderer::with_tuning(device, &scene, &settings, tuning)?;
         renderer.restart(SEED, GATE)?;
         // Adaptive sampling uses the measured error from the second iteration on.

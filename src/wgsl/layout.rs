@@ -123,6 +123,8 @@ host_twins! {
     LeafRecord { position: [f32; 3], tau: f32, power: f32, direction: u32, flags: u32, material: u32 }
     /// `shared/candidate.wgsl`
     Candidate { vertex: u32, weight: f32 }
+    /// `shared/observed.wgsl`
+    SensorContribution { red: f32, green: f32, blue: f32, detail: f32, path: u32, vertex: u32 }
     /// `shared/ellipsoid_search.wgsl`
     TriangleChoice { triangle: u32, count: u32 }
     /// `shared/ellipsoidal_connection.wgsl`
@@ -185,6 +187,9 @@ pub mod constants {
         LISTS: u32 = 4,
         COUNTER_TOTALS: u32 = 8,
         COUNTER_TALLIES: u32 = 12,
+        LIVING_LIST: u32 = 0,
+        CANDIDATE_LIST: u32 = 3,
+        PATH_BITS: u32 = 24,
         ESTIMATOR_PT: u32 = 0,
         ESTIMATOR_BDPT: u32 = 1,
         ESTIMATOR_LCS_PAPER: u32 = 2,

@@ -53,6 +53,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/material",
     "shared/math",
     "shared/medium",
+    "shared/observed",
     "shared/partial_sums",
     "shared/path",
     "shared/phase",

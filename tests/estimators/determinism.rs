@@ -49,7 +49,7 @@ fn rerun_tile_and_workgroup_give_the_same_bits() {
         );
         for (name, tuning) in [
             ("tile of 100 paths", Tuning { tile: Some(100), ..usual }),
-            ("workgroups of 256", Tuning { workgroup: 256, tile: Some(1000) }),
+            ("workgroups of 256", Tuning { workgroup: 256, tile: Some(1000), ..usual }),
         ] {
             assert!(first == image(tuned(&scene, &settings, tuning), 5), "{estimator:?}, {sampling}: {name}");
         }

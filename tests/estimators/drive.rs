@@ -8,6 +8,7 @@ use taugate::internals::gpu::{Device, Drive};
 use taugate::internals::image::film::Film;
 use taugate::internals::render::{PreparedScene, Renderer, StrategyImage, StrategyImages, Tuning, probe};
 use taugate::internals::scene::{Medium, Scene};
+use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling, Settings, UseEllipsoids};
 
@@ -116,6 +117,21 @@ fn a_card_waits_once_per_tile_and_allocates_nothing() {
         // the light subpaths, and once for reading their vertices back.
         assert_eq!(renderer.stats().waits - waits, 4 * (4 + 2), "{estimator:?}");
         assert_eq!(device.allocations(), allocations, "{estimator:?}");
+    }
+}
+
+/// The numbers are explained in [`a_card_waits_once_per_tile_and_allocates_nothing`].
+#[test]
+fn a_card_waits_once_per_tile_with_many_gates() {
+    let device = open(Drive::CARD);
+    let scene = build(Kind::Zoo(Light::Area));
+    let gates = Gates::new(GATE, 20).unwrap();
+    for estimator in [Estimator::Lcs, Estimator::Bdpt] {
+        let settings = settings(estimator, SIZE).responses(gates).max_depth(16).build().unwrap();
+        let tuning = Tuning { tile: TILE, ..Tuning::default() };
+        let mut renderer = Renderer::with_tuning(&device, &scene, &settings, tuning).unwrap_or_else(|e| panic!("{e}"));
+        (0..4).for_each(|_| renderer.iterate(2).unwrap_or_else(|e| panic!("{e}")));
+        assert_eq!(renderer.stats().waits, 4 * (4 + 2), "{estimator:?}");
     }
 }
 

@@ -222,6 +222,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("max_queries", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
     ("time_group", Test("estimators/responses.rs", "short_responses_of_lcs_agree_with_the_closed_form")),
     ("light_vertex_tau", Test("estimators/responses.rs", "every_gate_agrees_with_the_closed_form")),
+    ("observe", Test("estimators/responses.rs", "every_gate_agrees_with_the_closed_form")),
     ("target_function", Test("estimators/sphere.rs", "resampled_queries_agree_with_the_closed_form")),
     ("total_power", Test("parity/importance.rs", "leaves_come_up_with_the_probability_they_report")),
     ("pixel_seed", Caller("sensor_sample")),

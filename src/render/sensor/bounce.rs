@@ -8,6 +8,7 @@ impl SensorSubpaths<'_> {
     pub fn trace(&mut self, bounce: u32) -> Result<()> {
         self.constants.bounce = bounce;
         self.traced = self.living;
+        self.unread += self.entries_of(self.living, self.living);
         let SensorSubpaths { tracer, bindings, constants, traced, stats, .. } = self;
         stats.timed(stage::RECORD, || tracer.record_trace(bindings, constants, *traced))?;
         if !self.tracer.waits_per_bounce {
@@ -18,6 +19,7 @@ impl SensorSubpaths<'_> {
         let counters = self.submit()?;
         self.living = counters[LIVING[1 - self.parity()] as usize];
         self.shade_points = counters[SHADE as usize];
+        self.unread -= self.entries_of(0, self.traced.saturating_sub(self.shade_points));
         Ok(())
     }
 

@@ -9,7 +9,9 @@ use crate::gpu::{Allocate, Buffer, BufferDesc, Device, Recorder};
 use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{AuxiliaryPoint, Candidate, FogSegment, PathState, PathVertex, TriangleChoice};
+use crate::wgsl::layout::{
+    AuxiliaryPoint, Candidate, FogSegment, PathState, PathVertex, SensorContribution, TriangleChoice,
+};
 
 /// Number of pixels that a thread adds at a time.
 const PART: usize = 1 << 12;
@@ -23,31 +25,28 @@ pub struct Buffers<A: Allocate = Device> {
     pub segments: A::Buffer,
     pub radiance: A::Buffer,
     pub tallies: A::Buffer,
-    pub emitted: A::ReadBack,
-    pub living: [A::ReadBack; 2],
-    pub shade_list: A::ReadBack,
-    pub slot_list: A::ReadBack,
+    pub living: [A::Buffer; 2],
+    pub shade_list: A::Buffer,
+    pub slot_list: A::Buffer,
     pub marks: A::Buffer,
     pub chunk_counts: A::Buffer,
-    pub candidates: A::ReadBack,
+    pub candidates: A::Buffer,
     pub bvh_parts: A::Buffer,
     pub choices: A::Buffer,
     pub auxiliary_points: A::Buffer,
-    pub contributions: A::ReadBack,
+    pub contributions: A::Buffer,
+    pub observed: A::ReadBack,
     pub counters: A::ReadBack,
     pub arguments: A::Buffer,
     pub film: A::ReadBack,
 }
 
 impl<A: Allocate> Buffers<A> {
-    /// Buffers for `paths` paths with `slots` candidate slots per shade point.
-    pub fn new(to: &A, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers<A>> {
+    /// Buffers for `paths` paths with `slots` candidate slots per shade point, and for `observed` contributions.
+    pub fn new(to: &A, plan: &Plan, paths: usize, slots: usize, observed: usize) -> Result<Buffers<A>> {
         let few = "use a smaller --resolution or fewer --queries";
         let entries = paths * slots.max(1);
         let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, few);
-        // The host reads contributions only if the plan observes them.
-        let (is_observed, has_vertices) = (plan.observe != Observe::Nothing, plan.observe.has_vertices());
-        let observed = |desc: BufferDesc| to.read_back_if(is_observed, desc);
         let quads = |name: &'static str, n: usize| BufferDesc::of::<[f32; 4]>(name, n, few);
         Ok(Buffers {
             // A pixel has at least one sample, and a tile has at least one pixel; one more entry ends the list.
@@ -62,13 +61,12 @@ impl<A: Allocate> Buffers<A> {
             ))?,
             radiance: to.buffer(quads("path radiance", paths))?,
             tallies: to.buffer(quads("path tallies", paths))?,
-            emitted: observed(quads("emitter hits", if is_observed { paths } else { 1 }))?,
-            living: [observed(words("living paths", paths))?, observed(words("living paths in turn", paths))?],
-            shade_list: observed(words("shade point list", paths))?,
-            slot_list: observed(words("candidate list", entries))?,
+            living: [to.buffer(words("living paths", paths))?, to.buffer(words("living paths in turn", paths))?],
+            shade_list: to.buffer(words("shade point list", paths))?,
+            slot_list: to.buffer(words("candidate list", entries))?,
             marks: to.buffer(quads("marks", entries.next_multiple_of(CHUNK as usize) / 4))?,
             chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>("chunk counts", chunk_counts(entries), few))?,
-            candidates: to.read_back_if(has_vertices, BufferDesc::of::<Candidate>("candidates", entries, few))?,
+            candidates: to.buffer(BufferDesc::of::<Candidate>("candidates", entries, few))?,
             bvh_parts: to.buffer(words("parts of the BVH", plan.bvh_parts.len().max(1)))?,
             choices: to.buffer(BufferDesc::of::<TriangleChoice>(
                 "triangles of ellipsoids",
@@ -80,7 +78,11 @@ impl<A: Allocate> Buffers<A> {
                 if plan.estimator.ellipsoids == Ellipsoids::Resampled { paths } else { 1 },
                 few,
             ))?,
-            contributions: observed(quads("contributions", entries))?,
+            contributions: to.buffer(quads("contributions", entries))?,
+            observed: to.read_back_if(
+                plan.observe != Observe::Nothing,
+                BufferDesc::of::<SensorContribution>("observed contributions", observed, few),
+            )?,
             counters: to.read_back(words("counters", COUNTERS))?,
             arguments: to.buffer(words("dispatch arguments", ARGUMENTS))?,
             film: to.read_back(BufferDesc::of::<[f32; 4]>(
@@ -102,16 +104,16 @@ impl Buffers {
             ("segments", &self.segments),
             ("radiance", &self.radiance),
             ("tallies", &self.tallies),
-            ("emitted", self.emitted.buffer()),
-            ("shade_list", self.shade_list.buffer()),
-            ("slot_list", self.slot_list.buffer()),
+            ("shade_list", &self.shade_list),
+            ("slot_list", &self.slot_list),
             ("marks", &self.marks),
             ("chunk_counts", &self.chunk_counts),
-            ("candidates", self.candidates.buffer()),
+            ("candidates", &self.candidates),
             ("bvh_parts", &self.bvh_parts),
             ("choices", &self.choices),
             ("auxiliary_points", &self.auxiliary_points),
-            ("contributions", self.contributions.buffer()),
+            ("contributions", &self.contributions),
+            ("observed", self.observed.buffer()),
             ("counters", self.counters.buffer()),
             ("arguments", &self.arguments),
             ("film", self.film.buffer()),

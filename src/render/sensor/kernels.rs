@@ -76,22 +76,18 @@ impl Kernels {
         };
         let living = |parity: usize| {
             let mut all = shared();
-            all.extend([("list", b.living[parity].buffer()), ("source", b.living[parity].buffer())]);
-            all.extend([("list_a", b.living[1 - parity].buffer()), ("list_b", b.shade_list.buffer())]);
+            all.extend([("list", &b.living[parity]), ("source", &b.living[parity])]);
+            all.extend([("list_a", &b.living[1 - parity]), ("list_b", &b.shade_list)]);
             all
         };
         let candidates = || {
             let mut all = shared();
-            all.extend([
-                ("source", b.shade_list.buffer()),
-                ("list_a", b.slot_list.buffer()),
-                ("list_b", b.shade_list.buffer()),
-            ]);
+            all.extend([("source", &b.shade_list), ("list_a", &b.slot_list), ("list_b", &b.shade_list)]);
             all
         };
         let shade = || {
             let mut all = shared();
-            all.push(("list", b.shade_list.buffer()));
+            all.push(("list", &b.shade_list));
             all
         };
         Ok(SensorBindings {

@@ -1,185 +1,178 @@
-//! Reports the contributions of sensor subpaths to the host.
+//! Reads what the device reports about the contributions of sensor subpaths (`shared/observed.wgsl`). Their entries stay on the device
+//! until the tile is complete, or until there may be no room for those of another bounce.
 
 use std::panic::resume_unwind;
 use std::time::Instant;
 
-use super::tiles::TileSample;
 use super::*;
-use crate::gpu::ReadBack;
 use crate::render::contribution::Contribution;
-use crate::render::pool::SortedPool;
 use crate::render::responses::{Arrival, IndexInTile};
 use crate::render::stats::computes_wrongly;
 use crate::threads::spawn_scoped;
-use crate::wgsl::layout::Candidate;
-use crate::wgsl::layout::constants::NOT_TRACED;
+
+/// Margin for tiles with more entries per path than earlier tiles.
+pub(super) const LIKELY: f64 = 1.125;
+/// Minimum number of entries that are copied together with the film, if the device's memory is not mapped. Copying so few takes no
+/// longer than another wait for the device.
+const MIN_COPY: usize = 1 << 16;
+
+/// The contributions of the sensor subpaths of a tile: bounce by bounce, first light of s = 0 (emitter hits, the sky), then
+/// connections, each in the order of the paths. They come in several parts.
+#[derive(Default)]
+pub struct Found {
+    /// For a plan with several responses. In each part, the pixels ascend within each bounce, first for s = 0 and then for connections.
+    pub arrivals: Vec<Vec<Arrival<IndexInTile>>>,
+    /// For a plan that observes times or strategies: all light of s = 0, and every connection that is not blocked.
+    /// [`Observe::Times`] leaves out emitters in view, and s = 0 from the sky.
+    pub contributions: Vec<Vec<Contribution>>,
+}
 
 impl SensorSubpaths<'_> {
-    /// The contributions of the present bounce, for a plan that observes times or strategies: all light of s = 0 (emitter hits, the
-    /// sky) and every connection that is not blocked. [`Observe::Times`] leaves out emitters in view, and s = 0 from the sky.
-    pub fn contributions(&mut self, pool: &SortedPool) -> Result<Vec<Vec<Contribution>>> {
-        let (bounce, crop, has_tau) = (self.constants.bounce, self.plan.crop, self.plan.observe == Observe::Times);
-        self.read(&|seen: Seen| {
-            let Seen { rgb, detail, vertex, sample, .. } = seen;
-            let ellipsoidal = vertex.is_some_and(|vertex| vertex != SKY_VERTEX && vertex & ELLIPSOIDAL != 0);
-            let s = match vertex.map(|vertex| if ellipsoidal { vertex & !ELLIPSOIDAL } else { vertex }) {
-                None => 0,
-                Some(SKY_VERTEX) => 1,
-                Some(vertex) => match pool.vertices.get(vertex as usize) {
-                    Some(vertex) => (vertex.flags & VERTEX_DEPTH) + 1,
-                    None => return Err(computes_wrongly("it connected a light vertex that does not exist")),
-                },
-            };
-            let pixel = tiles::crop_pixel(crop, sample[0]);
-            let (tau, mis_weight) = if has_tau { (detail, 1.0) } else { (f32::NAN, detail) };
-            Ok(Some(Contribution { rgb, pixel, tau, mis_weight, s, t: bounce + 2, ellipsoidal }))
-        })
+    /// Maximum number of entries of a bounce that traces `paths` paths and has `shade_points` shade points.
+    pub(super) fn entries_of(&self, paths: u32, shade_points: u32) -> usize {
+        paths as usize + shade_points as usize * self.tracer.slots as usize
     }
 
-    /// The contributions of the present bounce, for a plan with several responses. In each part, the pixels ascend.
-    pub fn arrivals(&mut self) -> Result<Vec<Vec<Arrival<IndexInTile>>>> {
-        let indices = std::mem::take(&mut self.pixel_indices);
-        let arrivals = self.read(&|Seen { rgb, detail, path, .. }: Seen| {
-            // The kernels count values that are not finite as dropped, so the host leaves them out.
-            let has_light = rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3];
-            let pixel = IndexInTile(indices[path as usize]);
-            Ok(has_light.then_some(Arrival { pixel, tau: detail, rgb }))
-        });
-        self.pixel_indices = indices;
-        arrivals
+    /// Whether the entries of the next bounce fit behind those that the host has not read yet.
+    pub(super) fn has_room(&self) -> bool {
+        let next = self.entries_of(self.living, self.living);
+        self.plan.observe == Observe::Nothing || self.unread + next <= self.tracer.observed
     }
 
-    /// Reads what the present bounce has found. Several threads call `keep`. Returns the values that it returns: first for light of
-    /// s = 0, then for connections, each in the order of paths. Returns nothing if the iteration is abandoned.
-    fn read<T: Send>(&mut self, keep: &(impl Fn(Seen) -> Result<Option<T>> + Sync)) -> Result<Vec<Vec<T>>> {
-        // The lists of an abandoned bounce contradict each other.
-        if self.tracer.is_abandoned() {
-            return Ok(vec![]);
+    /// Number of entries that the host has not read yet, according to the counters after a bounce. Fails if they are too many.
+    pub(super) fn unread_after(&self, counters: &[u32; COUNTERS]) -> Result<usize> {
+        if self.plan.observe == Observe::Nothing {
+            return Ok(0);
         }
-        let entries = self.shade_points as usize * self.tracer.slots as usize;
-        self.record_reading(entries)?;
-        let live = self.submit()?[CANDIDATES as usize] as usize;
+        // As in sensor_trace.wgsl and connect.wgsl. The paths of the next bounce are listed, but not traced.
+        let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
+        let next = counters[LIVING[1 - self.parity()] as usize];
+        let traced =
+            self.constants.count.wrapping_add(total(LIVING[0])).wrapping_add(total(LIVING[1])).wrapping_sub(next);
+        let unread = traced.wrapping_add(total(CANDIDATES)).wrapping_sub(self.constants.first) as usize;
+        match unread <= self.unread {
+            true => Ok(unread),
+            false => Err(computes_wrongly(&format!(
+                "it reported {unread} contributions of paths that have {} at most",
+                self.unread
+            ))),
+        }
+    }
+
+    /// Records the copy of the entries that the tile is likely to have, so that they need no wait of their own. Returns their number.
+    pub(super) fn record_likely(&mut self) -> Result<usize> {
+        let likely = (f64::from(self.constants.count) * self.tracer.entries_per_path) as usize;
+        let count = likely.max(MIN_COPY).min(self.unread);
+        self.record_copy(count)?;
+        Ok(count)
+    }
+
+    fn record_copy(&mut self, count: usize) -> Result<()> {
+        let SensorTracer { buffers, recorder, .. } = &mut *self.tracer;
+        recorder.read_back(&buffers.observed, (count * size_of::<SensorContribution>()) as u64)
+    }
+
+    /// Reads the first `count` entries, and makes room for others. `copied`: how many of them the last submit has copied, if the device's
+    /// memory is not mapped.
+    pub(super) fn read_observed(&mut self, count: usize, copied: usize) -> Result<()> {
+        if count == 0 {
+            return Ok(());
+        }
+        if count > copied {
+            self.record_copy(count)?;
+            let SensorSubpaths { tracer, stats, longest, .. } = self;
+            *longest = longest.max(stats.submit(&mut tracer.recorder)?);
+        }
         let start = Instant::now();
-        let parts = self.read_lists(entries, live, keep);
+        let (arrivals, contributions) = match self.plan.observe {
+            Observe::Nothing => (vec![], vec![]),
+            Observe::Responses => (self.read(count, &|entry| self.arrival(entry))?, vec![]),
+            Observe::Times | Observe::Strategies => (vec![], self.read(count, &|entry| self.contribution(entry))?),
+        };
+        self.found.arrivals.extend(arrivals);
+        self.found.contributions.extend(contributions);
         self.stats.add_host(stage::READ_FILM, start.elapsed());
-        parts
+        self.constants.first += count as u32;
+        self.unread = 0;
+        Ok(())
     }
 
-    /// Records the copies of everything that [`SensorSubpaths::read_lists`] reads.
-    fn record_reading(&mut self, entries: usize) -> Result<()> {
-        let parity = self.parity();
-        let SensorSubpaths { tracer, plan, tile, traced, shade_points, stats, .. } = self;
-        let (b, r) = (&tracer.buffers, &mut tracer.recorder);
-        let mut read = |buffer: &ReadBack, count: usize, size: usize| r.read_back(buffer, (count * size) as u64);
-        stats.timed(stage::RECORD, || {
-            read(&b.living[parity], *traced as usize, size_of::<u32>())?;
-            read(&b.emitted, tile.sample_count(), size_of::<[f32; 4]>())?;
-            if *shade_points == 0 {
-                return Ok(());
-            }
-            read(&b.shade_list, *shade_points as usize, size_of::<u32>())?;
-            read(&b.slot_list, entries, size_of::<u32>())?;
-            read(&b.contributions, entries, size_of::<[f32; 4]>())?;
-            if plan.observe.has_vertices() { read(&b.candidates, entries, size_of::<Candidate>()) } else { Ok(()) }
-        })
-    }
-
-    /// See [`SensorSubpaths::read`]. The shade points have `entries` candidate slots, with `live` candidates.
-    fn read_lists<T: Send>(
+    /// The values that `keep` returns for the first `count` entries, in their order. Several threads call `keep`.
+    fn read<T: Send>(
         &self,
-        entries: usize,
-        live: usize,
-        keep: &(impl Fn(Seen) -> Result<Option<T>> + Sync),
+        count: usize,
+        keep: &(impl Fn(&SensorContribution) -> Result<Option<T>> + Sync),
     ) -> Result<Vec<Vec<T>>> {
-        let (b, slots) = (&self.tracer.buffers, self.tracer.slots);
-        let no_path = || computes_wrongly("it listed a path that does not exist");
-        let found = |path: u32, [r, g, b, detail]: [f32; 4], vertex: Option<u32>| {
-            let sample = *self.samples.get(path as usize).ok_or_else(no_path)?;
-            let share = 1.0 / (sample[1] >> 16) as f32;
-            keep(Seen { rgb: [r, g, b].map(|x| x * share), detail, path, sample, vertex })
-        };
+        let bounces = self.constants.bounce as usize + 1;
+        self.tracer.buffers.observed.with(count, |entries| in_parts(entries, MIN_PART, bounces, keep))?
+    }
 
-        // Emitter hits of the traced paths.
-        let traced = b.living[self.parity()].with(self.traced as usize, <[u32]>::to_vec)?;
-        let emitted = |emitted: &[[f32; 4]]| {
-            in_parts(&traced, MIN_PART, |path| match emitted.get(path as usize) {
-                Some(&value) if has_light(value) => found(path, value, None),
-                Some(_) => Ok(None),
-                None => Err(no_path()),
-            })
-        };
-        let mut parts = b.emitted.with(self.samples.len(), emitted)??;
+    fn arrival(&self, entry: &SensorContribution) -> Result<Option<Arrival<IndexInTile>>> {
+        let Some((pixel, rgb)) = self.light(entry)? else { return Ok(None) };
+        Ok(Some(Arrival { pixel, tau: entry.detail, rgb }))
+    }
 
-        if self.shade_points == 0 {
-            return Ok(parts);
+    fn contribution(&self, entry: &SensorContribution) -> Result<Option<Contribution>> {
+        let Some((pixel, rgb)) = self.light(entry)? else { return Ok(None) };
+        let is_ellipsoidal = !matches!(entry.vertex, NONE | SKY_VERTEX) && entry.vertex & ELLIPSOIDAL != 0;
+        let s = match if is_ellipsoidal { entry.vertex & !ELLIPSOIDAL } else { entry.vertex } {
+            NONE => 0,
+            SKY_VERTEX => 1,
+            vertex => match self.pool.vertices.get(vertex as usize) {
+                Some(vertex) => (vertex.flags & VERTEX_DEPTH) + 1,
+                None => return Err(computes_wrongly("it connected a light vertex that does not exist")),
+            },
+        };
+        let has_tau = self.plan.observe == Observe::Times;
+        let (tau, mis_weight) = if has_tau { (entry.detail, 1.0) } else { (f32::NAN, entry.detail) };
+        let pixel = tiles::crop_pixel(self.plan.crop, self.tile.pixels()[pixel.0 as usize][0]);
+        let t = (entry.path >> PATH_BITS) + 2;
+        Ok(Some(Contribution { rgb, pixel, tau, mis_weight, s, t, ellipsoidal: is_ellipsoidal }))
+    }
+
+    /// The pixel of an entry, and its contribution to the mean of the pixel. `None` for an entry without light, and for a connection for
+    /// which no shadow ray was traced. The kernels count values that are not finite as dropped, so they are left out too.
+    fn light(&self, entry: &SensorContribution) -> Result<Option<(IndexInTile, [f32; 3])>> {
+        let rgb = [entry.red, entry.green, entry.blue];
+        let is_traced = entry.detail > NOT_TRACED;
+        if rgb == [0.0; 3] || !is_traced {
+            return Ok(None);
         }
-        // Connections, without those for which no shadow ray was traced.
-        let slot_list = b.slot_list.with(live, <[u32]>::to_vec)?;
-        let shade_list = b.shade_list.with(self.shade_points as usize, <[u32]>::to_vec)?;
-        // `in_parts` checks that the slots ascend. If the shade points ascend too, connections come in the order of their paths.
-        in_order(&shade_list)?;
-        let vertices_of = |candidates: &[Candidate]| candidates.iter().map(|candidate| candidate.vertex).collect();
-        let vertices: Vec<u32> = match self.plan.observe.has_vertices() {
-            true => b.candidates.with(entries, vertices_of)?,
-            false => vec![],
-        };
-        let no_candidate = || computes_wrongly("it listed a candidate that does not exist");
-        let connections = |contributions: &[[f32; 4]]| {
-            in_parts(&slot_list, MIN_PART, |slot| {
-                let value = *contributions.get(slot as usize).ok_or_else(no_candidate)?;
-                match has_light(value) && value[3] > NOT_TRACED {
-                    true => found(shade_list[(slot / slots) as usize], value, vertices.get(slot as usize).copied()),
-                    false => Ok(None),
-                }
-            })
-        };
-        parts.extend(b.contributions.with(entries, connections)??);
-        Ok(parts)
+        let path = (entry.path & PATH_MASK) as usize;
+        let index =
+            *self.pixel_indices.get(path).ok_or_else(|| computes_wrongly("it traced a path that does not exist"))?;
+        let pixels = self.tile.pixels();
+        let share = 1.0 / (pixels[index as usize + 1][1] - pixels[index as usize][1]) as f32;
+        let rgb = rgb.map(|x| x * share);
+        let has_light = rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3];
+        Ok(has_light.then_some((IndexInTile(index), rgb)))
     }
 }
 
-/// What the device reports about a contribution of a sensor subpath.
-struct Seen {
-    /// Contribution to the mean of the pixel.
-    rgb: [f32; 3],
-    /// The number that [`Observe`] adds.
-    detail: f32,
-    /// Index of the subpath in its tile, and its sample.
-    path: u32,
-    sample: TileSample,
-    /// Index in the pool of the connected light vertex, with the flag ELLIPSOIDAL; SKY_VERTEX for the sky. `None` without a connection:
-    /// the subpath hit an emitter or left the scene. Always `None` with [`Observe::Responses`].
-    vertex: Option<u32>,
-}
+/// The bits of `SensorContribution::path` that hold the path.
+const PATH_MASK: u32 = (1 << PATH_BITS) - 1;
 
-fn has_light([r, g, b, _]: [f32; 4]) -> bool {
-    [r, g, b] != [0.0; 3]
-}
-
-/// Minimum number of entries of a list for each thread. Starting a thread takes as long as reading about a thousand entries.
+/// Minimum number of entries for each thread. Starting a thread takes as long as reading about a thousand entries.
 const MIN_PART: usize = 1 << 15;
 
-/// Fails if the entries of a list do not ascend.
-fn in_order(list: &[u32]) -> Result<()> {
-    match list.is_sorted() {
-        true => Ok(()),
-        false => Err(computes_wrongly("it listed entries out of order")),
-    }
-}
-
-/// Calls `read` with the entries of `list`, in several threads if the list has at least `min_part` entries for each of them. Returns
-/// the values that it found, in the order of the list, in one part per thread. Fails if the entries of a part do not ascend.
+/// Calls `keep` with `entries`, in several threads if there are at least `min_part` entries for each of them. Returns the values that it
+/// returns, in the order of the entries, in one part per thread. Fails if the entries are not in the order of `bounces` bounces: in a
+/// bounce, the paths ascend twice.
 fn in_parts<T: Send>(
-    list: &[u32],
+    entries: &[SensorContribution],
     min_part: usize,
-    read: impl Fn(u32) -> Result<Option<T>> + Sync,
+    bounces: usize,
+    keep: &(impl Fn(&SensorContribution) -> Result<Option<T>> + Sync),
 ) -> Result<Vec<Vec<T>>> {
-    let read_all = &|part: &[u32]| -> Result<Vec<T>> {
-        in_order(part)?;
-        part.iter().filter_map(|&entry| read(entry).transpose()).collect()
+    let read_all = &|part: &[SensorContribution]| -> Result<Vec<T>> {
+        // Later bounces have larger numbers in the high bits of `path`.
+        if part.windows(2).filter(|pair| pair[0].path > pair[1].path).count() > bounces {
+            return Err(computes_wrongly("it listed entries out of order"));
+        }
+        part.iter().filter_map(|entry| keep(entry).transpose()).collect()
     };
-    let threads = rayon::current_num_threads().min(list.len() / min_part).max(1);
-    let mut parts = list.chunks(list.len().div_ceil(threads).max(1));
+    let threads = rayon::current_num_threads().min(entries.len() / min_part).max(1);
+    let mut parts = entries.chunks(entries.len().div_ceil(threads).max(1));
     let first = parts.next().unwrap_or_default();
     // The caller holds the lock of the device. A rayon thread that waits may take up a task that needs this lock, and would
     // then wait forever. So these are plain threads.
@@ -198,12 +191,14 @@ mod tests {
     #[test]
     fn threads_find_what_one_thread_finds() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-        let found = |list: &[u32], wrong: &[u32]| {
-            let read = |entry: u32| match wrong.contains(&entry) {
-                true => Err(computes_wrongly(&format!("entry {entry}"))),
-                false => Ok((entry % 4 != 1).then_some(10 * entry)),
+        let entry = |path: u32| SensorContribution { path, ..bytemuck::Zeroable::zeroed() };
+        let found = |paths: &[u32], wrong: &[u32]| {
+            let keep = |entry: &SensorContribution| match wrong.contains(&entry.path) {
+                true => Err(computes_wrongly(&format!("entry {}", entry.path))),
+                false => Ok((entry.path % 4 != 1).then_some(10 * entry.path)),
             };
-            pool.install(|| in_parts(list, 1, read)).map_err(|e| e.to_string())
+            let entries: Vec<_> = paths.iter().copied().map(entry).collect();
+            pool.install(|| in_parts(&entries, 1, 1, &keep)).map_err(|e| e.to_string())
         };
         for (length, threads) in [(0, 1), (1, 1), (2, 2), (3, 3), (10, 3)] {
             let list: Vec<u32> = (0..length).map(|i| 3 * i).collect();
@@ -217,7 +212,9 @@ mod tests {
             let error = found(&list, wrong).unwrap_err();
             assert!(error.contains(first), "{error}");
         }
-        let error = found(&[0, 1, 2, 3, 5, 4, 6, 7], &[]).unwrap_err();
+        // The paths of a bounce ascend twice: first for s = 0, then for connections.
+        assert_eq!(found(&[2, 3, 4, 0, 2, 2], &[]).unwrap().concat(), [20, 30, 40, 0, 20, 20]);
+        let error = found(&[3, 2, 1, 4, 5, 6, 7, 8, 9], &[]).unwrap_err();
         assert!(error.contains("entries out of order"), "{error}");
     }
 }

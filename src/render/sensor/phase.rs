@@ -85,9 +85,15 @@ impl Ready {
         self.tracer.tile.get()
     }
 
-    /// Starts the sensor subpaths of a tile, one per sample.
-    pub fn start<'a>(&'a mut self, plan: &'a Plan, tile: &'a Tile, stats: &'a mut Stats) -> Result<SensorSubpaths<'a>> {
-        SensorSubpaths::start(&mut self.tracer, &self.bindings, plan, tile, stats)
+    /// Starts the sensor subpaths of a tile, one per sample. `pool`: that of the iteration.
+    pub fn start<'a>(
+        &'a mut self,
+        plan: &'a Plan,
+        tile: &'a Tile,
+        pool: &'a SortedPool,
+        stats: &'a mut Stats,
+    ) -> Result<SensorSubpaths<'a>> {
+        SensorSubpaths::start(&mut self.tracer, &self.bindings, plan, tile, pool, stats)
     }
 
     /// Adds the mean of each pixel to `image` (RGB, row-major). `visit`: see [`Buffers::add_film`]. Fails without a call of `visit` if

@@ -1,7 +1,8 @@
 //! The sensor subpaths of one tile, from their samples to the film.
 
-use super::tiles::{Tile, TileSample};
+use super::tiles::Tile;
 use super::*;
+use crate::render::pool::SortedPool;
 use crate::render::stats::computes_wrongly;
 
 /// Maximum number of bounces per submit if the host does not wait for each bounce. Few paths live longer.
@@ -15,8 +16,8 @@ pub struct SensorSubpaths<'a> {
     pub(super) bindings: &'a SensorBindings,
     pub(super) plan: &'a Plan,
     pub(super) tile: &'a Tile,
-    /// The samples of the tile, and for each the index of its pixel in the tile; empty if the plan observes nothing.
-    pub(super) samples: Vec<TileSample>,
+    pub(super) pool: &'a SortedPool,
+    /// For each sample of the tile, the index of its pixel in the tile; empty if the plan observes nothing.
     pub(super) pixel_indices: Vec<u32>,
     pub(super) stats: &'a mut Stats,
     /// The constants of the present bounce.
@@ -26,6 +27,9 @@ pub struct SensorSubpaths<'a> {
     pub(super) traced: u32,
     pub(super) living: u32,
     pub(super) shade_points: u32,
+    /// Maximum number of observed contributions that the host has not read yet, and what it has read.
+    pub(super) unread: usize,
+    pub(super) found: Found,
     /// Seconds of the longest submit that traced or connected paths.
     pub(super) longest: f64,
 }
@@ -37,26 +41,26 @@ impl<'a> SensorSubpaths<'a> {
         bindings: &'a SensorBindings,
         plan: &'a Plan,
         tile: &'a Tile,
+        pool: &'a SortedPool,
         stats: &'a mut Stats,
     ) -> Result<SensorSubpaths<'a>> {
         let constants = stats.timed(stage::RECORD, || tracer.record_start(bindings, tile))?;
-        let (samples, pixel_indices) = match plan.observe {
-            Observe::Nothing => (vec![], vec![]),
-            _ => (tile.samples(), tile.pixel_indices()),
-        };
+        let pixel_indices = if plan.observe == Observe::Nothing { vec![] } else { tile.pixel_indices() };
         let all = constants.count;
         Ok(SensorSubpaths {
             tracer,
             bindings,
             plan,
             tile,
-            samples,
+            pool,
             pixel_indices,
             stats,
             constants,
             traced: all,
             living: all,
             shade_points: all,
+            unread: 0,
+            found: Found::default(),
             longest: 0.0,
         })
     }
@@ -69,22 +73,37 @@ impl<'a> SensorSubpaths<'a> {
         tracer.read_counters(constants.count, stats)
     }
 
-    /// Whether no path continues after this bounce, or the iteration is abandoned.
+    /// Whether no path continues after this bounce, or the iteration is abandoned. Also reads the observed contributions if there may be
+    /// no room for those of the next bounce.
     pub fn have_ended(&mut self) -> Result<bool> {
         let next = self.constants.bounce + 1;
-        if !self.tracer.waits_per_bounce && next.is_multiple_of(MAX_BOUNCES_PER_SUBMIT) && next < self.plan.max_depth {
-            self.living = self.submit()?[LIVING[next as usize % 2] as usize];
+        let is_due = !self.tracer.waits_per_bounce && next.is_multiple_of(MAX_BOUNCES_PER_SUBMIT);
+        if next < self.plan.max_depth && !self.tracer.is_abandoned() && (is_due || !self.has_room()) {
+            // The device knows how many paths and contributions there are, and the host only how many there may be.
+            let counters = self.submit()?;
+            self.living = counters[LIVING[next as usize % 2] as usize];
+            self.unread = self.unread_after(&counters)?;
+            if !self.has_room() {
+                self.read_observed(self.unread, 0)?;
+            }
         }
         Ok(self.living == 0 || self.tracer.is_abandoned())
     }
 
     /// Averages the samples of each pixel on the device, and counts the work of the tile. With the last tile, the submit also reads the
-    /// film back. Returns false if the iteration is abandoned.
-    pub fn resolve(mut self, is_last: bool) -> Result<bool> {
+    /// film back. Returns the observed contributions of the tile; `None` if the iteration is abandoned.
+    pub fn resolve(mut self, is_last: bool) -> Result<Option<Found>> {
         let SensorSubpaths { tracer, bindings, stats, constants, .. } = &mut self;
         stats.timed(stage::RECORD, || tracer.record_film(bindings, constants, is_last))?;
+        let copied = self.record_likely()?;
         let counters = self.submit()?;
-        let SensorSubpaths { tracer, tile, stats, longest, .. } = self;
+        // The lists of an abandoned bounce contradict each other.
+        if self.tracer.is_abandoned() {
+            return Ok(None);
+        }
+        let unread = self.unread_after(&counters)?;
+        self.read_observed(unread, copied)?;
+        let SensorSubpaths { tracer, tile, stats, found, constants, longest, .. } = self;
         let count = |word: u32| u64::from(counters[word as usize]);
         let total = |list: u32| count(COUNTER_TOTALS + list);
         let samples = tile.sample_count();
@@ -98,7 +117,9 @@ impl<'a> SensorSubpaths<'a> {
         stats.inside_gate += count(COUNTER_TALLIES + 2);
         stats.candidates += count(COUNTER_TALLIES + 3);
         tracer.tile.adapt(samples, is_last, longest);
-        Ok(!tracer.is_abandoned())
+        let entries_per_path = f64::from(constants.first) / samples.max(1) as f64;
+        tracer.entries_per_path = tracer.entries_per_path.max(observe::LIKELY * entries_per_path);
+        Ok(Some(found))
     }
 }
 

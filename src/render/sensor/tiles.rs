@@ -52,6 +52,7 @@ impl Tile {
     }
 
     /// The list of the samples, as the device makes it.
+    #[cfg(test)]
     pub fn samples(&self) -> Vec<TileSample> {
         let of_pixel = |pair: &[TilePixel]| {
             let (film_pixel, count) = (pair[0][0], pair[1][1] - pair[0][1]);
