@@ -148,8 +148,8 @@ fn host_twins_have_the_layout_of_the_shaders() {
 fn a_wrong_twin_is_noticed() {
     let (path, text) = kernels()[0];
     let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
-    let wrong: [fn(&mut (&'static str, usize, &'static str)); 3] =
-        [|field| field.0 = "other", |field| field.1 += 4, |field| field.2 = "[i32; 3]"];
+    type Field = (&'static str, usize, &'static str);
+    let wrong: [fn(&mut Field); 3] = [|field| field.0 = "other", |field| field.1 += 4, |field| field.2 = "[i32; 3]"];
     for change in wrong {
         let mut twins = twins();
         twins.iter_mut().filter_map(|(_, _, fields)| fields.last_mut()).for_each(change);
