@@ -7,14 +7,9 @@
 @group(2) @binding(1) var<storage, read> tallies: array<vec4<u32>>;
 // One entry per pixel of the crop, row-major. xyz: mean of the samples. w: sum of their squared luminances.
 @group(2) @binding(2) var<storage, read_write> film: array<vec4<f32>>;
-// The host reads these words anyway, so it reads the sums of the tallies with them.
-@group(2) @binding(3) var<storage, read_write> counters: Counters;
-
-// The arrays have a fixed size, because naga cannot check indices of atomics in others (TAUGATE_BOUNDS_CHECKS).
-struct Counters {
-    lists: array<u32, COUNTER_TALLIES>,
-    tallies: array<atomic<u32>, 4>,
-}
+// The host reads these words anyway, so it reads the sums of the tallies with them. The array has a fixed size, because naga cannot check
+// indices of atomics in others (TAUGATE_BOUNDS_CHECKS).
+@group(2) @binding(3) var<storage, read_write> counters: array<atomic<u32>, COUNTER_TALLIES + 4u>;
 
 // Number of paths whose tallies one thread sums, so that few threads add to the same words.
 const TALLIED_PATHS: u32 = 32u;
@@ -55,8 +50,8 @@ fn sum_tallies(first: u32) {
         // A sample whose sum is not finite is dropped too.
         sum += tallies[path] + vec4<u32>(select(1u, 0u, is_finite(radiance[path].xyz)), 0u, 0u, 0u);
     }
-    atomicAdd(&counters.tallies[0], sum.x);
-    atomicAdd(&counters.tallies[1], sum.y);
-    atomicAdd(&counters.tallies[2], sum.z);
-    atomicAdd(&counters.tallies[3], sum.w);
+    atomicAdd(&counters[COUNTER_TALLIES], sum.x);
+    atomicAdd(&counters[COUNTER_TALLIES + 1u], sum.y);
+    atomicAdd(&counters[COUNTER_TALLIES + 2u], sum.z);
+    atomicAdd(&counters[COUNTER_TALLIES + 3u], sum.w);
 }
