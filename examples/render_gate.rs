@@ -1,10 +1,10 @@
 //! Renders a wall as a time-gated sensor sees it, and writes the image to an EXR file.
 
 use std::path::Path;
-use std::time::Instant;
+use std::sync::Arc;
 
 use taugate::glam::DVec3;
-use taugate::{Camera, Device, Gate, LightKind, Material, Mesh, Renderer, Scene, Settings, write_exr};
+use taugate::{Camera, Device, Gate, Job, LightKind, Material, Mesh, Scene, Settings};
 
 /// Renders the image, writes it to `out`, and returns its mean radiance.
 pub fn render(out: &Path) -> taugate::Result<f64> {
@@ -18,11 +18,10 @@ pub fn render(out: &Path) -> taugate::Result<f64> {
 
     // Light with an optical path between 6.2 m and 6.3 m comes from a ring on the wall.
     let settings = Settings::builder().gate(Gate::new(6.2, 6.3)?).resolution([64, 64]).build()?;
-    let mut renderer = Renderer::new(&Device::open(None)?, &scene, &settings)?;
-    let start = Instant::now();
-    renderer.render(settings.budget())?;
-    write_exr(out, renderer.film(), renderer.responses(), &settings, start.elapsed())?;
-    Ok(renderer.film().image_mean().0)
+    let mut job = Job::of_scene(scene, &settings)?.prepare(&Device::open(None)?)?;
+    job.run(&Arc::default(), |_| {})?;
+    job.write_exr(out)?;
+    Ok(job.film().image_mean().0)
 }
 
 fn main() -> taugate::Result<()> {

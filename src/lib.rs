@@ -1,14 +1,21 @@
 //! taugate renders the image of a time-gated sensor: it shows only the photons whose total travel time falls inside a
 //! gate.
 //!
-//! A [`Scene`] is built from arrays or, with [`load_scene`], read from a glTF file. [`Settings`] choose camera, gate and
-//! estimator. A [`Renderer`] adds iterations to a [`Film`] on a Vulkan [`Device`]; [`Renderer::render`] runs as many as
-//! `taugate render` does. [`write_exr`] writes the images, and [`compare`] measures the error against a reference. A complete
-//! program, `examples/render_gate.rs`:
+//! A [`Job`] is a scene with its settings. It comes from a file, or from a [`Scene`] and [`Settings`] of a program. [`Job::prepare`]
+//! checks it and puts the scene on a Vulkan [`Device`]; [`ReadyJob::run`] renders as `taugate render` does. [`compare`] measures the
+//! error of an image against a reference. A program that builds its scene from arrays, `examples/render_gate.rs`:
 //!
 //! ```
 #![doc = include_str!("../examples/render_gate.rs")]
 //! ```
+//!
+//! A program that renders files, and continues after it was stopped, `examples/render_file.rs`:
+//!
+//! ```no_run
+#![doc = include_str!("../examples/render_file.rs")]
+//! ```
+//!
+//! A [`Renderer`] is the level below: it adds single iterations to a [`Film`].
 //!
 //! Lengths are in metres. Travel times are metres of optical path; the speed of light is 1. The method is Algorithm 1 of the
 //! paper "Light-Cone Shell Queries for Scalable Time-Gated Rendering". `docs/ARCHITECTURE.md` describes the sources, and
@@ -70,6 +77,9 @@ pub use gpu::{Device, DeviceInfo, DeviceKind};
 pub use image::exr_file::write_film as write_exr;
 pub use image::film::Film;
 pub use image::response_film::ResponseFilm;
+pub use job::Job;
+pub use job::iterations::End;
+pub use job::ready_job::{Progress, ReadyJob};
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{

@@ -1,12 +1,43 @@
-//! The example in `examples/` renders the image that its comments describe.
+//! The examples in `examples/` render the images that their comments describe, and a [`Job`] renders what the program renders.
 
 #[allow(dead_code, reason = "the test calls `render` alone")]
 #[path = "../examples/render_gate.rs"]
 mod render_gate;
 
+#[allow(dead_code, reason = "the test calls `render` alone")]
+#[path = "../examples/render_file.rs"]
+mod render_file;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
 use taugate::glam::DVec3;
+use taugate::internals::generate::{Kind, build, glb_bytes};
 use taugate::internals::image::exr_file::read_picture;
-use taugate::{Aim, Camera, Material, Projection, Retroreflector, SkyImage};
+use taugate::{
+    Aim, Budget, Camera, End, Error, ErrorKind, Gate, Job, Material, Projection, Retroreflector, Settings, SkyImage,
+    load_scene,
+};
+
+/// A scene in `folder`.
+fn room(folder: &Path) -> PathBuf {
+    let path = folder.join("room.glb");
+    std::fs::write(&path, glb_bytes(Kind::CornellBox)).unwrap();
+    path
+}
+
+/// The image of `taugate render`.
+fn image_of_program(folder: &Path, settings: &[(&str, &str)]) -> Vec<f32> {
+    let (input, out) = (room(folder), folder.join("program.exr"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+    command.args(["render", "--quiet"]).arg(input).arg("-o").arg(&out);
+    command.args(settings.iter().flat_map(|(name, text)| [format!("--{name}"), (*text).into()]));
+    assert!(command.status().unwrap().success());
+    read_picture(&out).unwrap().rgb
+}
 
 #[test]
 fn the_example_renders_a_ring() {
@@ -17,6 +48,86 @@ fn the_example_renders_a_ring() {
     let lit = picture.rgb.chunks_exact(3).filter(|pixel| pixel[1] > 0.0).count();
     assert!(mean > 0.0 && (1..64 * 64).contains(&lit), "{mean}, {lit} pixels");
     assert_eq!((picture.width, picture.gate), (64, Some([6.2, 6.3])));
+}
+
+#[test]
+fn a_job_that_was_stopped_goes_on_to_the_image_of_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = [("gate", "6m..9m"), ("resolution", "16x16"), ("spp", "12"), ("estimator", "lcs")];
+    let (input, out) = (room(folder.path()), folder.path().join("job.exr"));
+    let stop = Arc::new(AtomicBool::new(true));
+    let end = render_file::render(&input, &settings, &out, &stop).unwrap();
+    assert!(matches!(end, End::Stopped) && !out.exists(), "{end:?}");
+
+    // Another process stops after three iterations.
+    let job = Job::open_with(&input, settings).unwrap();
+    let device = job.open_device().unwrap();
+    let mut job = job.prepare(&device).unwrap();
+    job.keep_sums(&out.with_extension("acc"), Duration::from_secs(3600)).unwrap();
+    stop.store(false, Ordering::SeqCst);
+    let mut seen = vec![];
+    let end = job.run(&stop, |progress| {
+        seen.push((progress.samples, progress.fraction));
+        stop.store(progress.samples >= 6, Ordering::SeqCst);
+    });
+    assert!(matches!(end, Ok(End::Stopped)), "{end:?}");
+    assert_eq!(seen, [(2, 2.0 / 12.0), (4, 4.0 / 12.0), (6, 0.5)]);
+    drop(job);
+
+    let mut job = Job::open_with(&input, settings).unwrap().prepare(&device).unwrap();
+    job.keep_sums(&out.with_extension("acc"), Duration::from_secs(3600)).unwrap();
+    assert_eq!((job.film().samples(), job.film().iterations()), (6, 3));
+    drop(job);
+    let end = render_file::render(&input, &settings, &out, &Arc::default()).unwrap();
+    assert!(matches!(end, End::Complete), "{end:?}");
+    assert_eq!(read_picture(&out).unwrap().rgb, image_of_program(folder.path(), &settings));
+}
+
+/// A program may load a scene, and give settings as values instead of text.
+#[test]
+fn a_job_of_a_loaded_scene_renders_the_image_of_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = load_scene(&room(folder.path())).unwrap();
+    let gate = Gate::new(6.0, 9.0).unwrap();
+    let estimator = "lcs".parse().unwrap();
+    let builder = Settings::builder().gate(gate).resolution([16, 12]).budget(Budget::Spp(6)).estimator(estimator);
+    let job = Job::of_scene(scene, &builder.build().unwrap()).unwrap();
+    let device = job.open_device().unwrap();
+    let mut job = job.prepare(&device).unwrap();
+    let out = folder.path().join("job.exr");
+    assert_eq!(job.keep_sums(&folder.path().join("job.acc"), Duration::ZERO).unwrap_err().kind(), ErrorKind::Settings);
+    job.run(&Arc::default(), |_| {}).unwrap();
+    job.write_exr(&out).unwrap();
+    let settings = [("gate", "6m..9m"), ("resolution", "16x12"), ("spp", "6"), ("estimator", "lcs")];
+    assert_eq!(read_picture(&out).unwrap().rgb, image_of_program(folder.path(), &settings));
+}
+
+#[test]
+fn a_job_refuses_what_the_program_refuses() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = room(folder.path());
+    let message = |settings: &[(&str, &str)]| {
+        let job = Job::open_with(&input, settings.iter().copied());
+        let ready = job.and_then(|job| job.open_device().and_then(|device| job.prepare(&device)));
+        ready.map(drop).unwrap_err().to_string()
+    };
+    for (settings, part) in [
+        (&[("sp", "4")][..], "there is no setting --sp"),
+        (&[("spp", "0")], "--spp is 0; it must be from 1 to"),
+        (&[("frames", "0..4"), ("gate", "6m..9m")], "a sequence of frames"),
+        (&[("gate", "1m..2m")], "meets no light"),
+    ] {
+        assert!(message(settings).contains(part), "{}", message(settings));
+    }
+    let experiment = folder.path().join("scan.toml");
+    std::fs::write(&experiment, "scene = 'room.glb'\n[scan]\nlaser = [0, 1, 0]").unwrap();
+    assert!(matches!(Job::open(&experiment), Err(Error::Settings(_))));
+
+    // A scene without a camera, and a gate that only the render finds to be black.
+    let settings = Settings::builder().resolution([8, 8]).build().unwrap();
+    let without_camera = taugate::Scene { cameras: vec![], ..build(Kind::CornellBox) };
+    let error = Job::of_scene(without_camera, &settings).map(drop).unwrap_err();
+    assert!(error.to_string().contains("add a camera to the scene"), "{error}");
 }
 
 /// A program can name the types of all public fields.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -14,15 +14,13 @@ use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::input::resolve::Resolved;
-use taugate::internals::job::iterations::{Abandons, End, Iterations};
+use taugate::internals::job::iterations::{Abandons, End};
 use taugate::internals::job::preparation::Preparation;
 use taugate::internals::job::ready::{Ready, Wanted};
+use taugate::internals::job::ready_job::{Progress, ReadyJob};
 use taugate::internals::job::{Job, memory};
-use taugate::internals::render::Renderer;
-use taugate::internals::render::schedule::Schedule;
+use taugate::internals::settings::Settings;
 use taugate::internals::settings::aov::Aov;
-use taugate::internals::settings::shard::Shard;
-use taugate::internals::settings::{Budget, Settings};
 use taugate::internals::threads::{spawn_scoped, start_pool};
 
 use crate::errors::{Failure, Result};
@@ -118,21 +116,12 @@ pub fn check_memory(before: Option<&Ready>, settings: &Settings, has_variance: b
     Ok(())
 }
 
-/// Progress of the iterations so far.
-pub struct Step {
-    /// Share of the budget that is used, in [0, 1].
-    pub fraction: f64,
-    /// Samples per pixel.
-    pub samples: u64,
-    pub seconds: f64,
-}
-
 /// Runs `work` in a thread of its own. The calling thread passes the newest step to `progress`, and asks Python for interrupts. If
 /// `progress` or Python raises an exception, the calling thread sets the flag that `work` gets, and waits for `work` to end. Returns
 /// the result of `work` and the exception. Fails if the thread cannot be started.
 pub fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
-    work: impl FnOnce(Sender<Step>, &Arc<AtomicBool>) -> T + Send,
+    work: impl FnOnce(Sender<Progress>, &Arc<AtomicBool>) -> T + Send,
 ) -> Result<(T, Option<PyErr>)> {
     let stop = Arc::new(AtomicBool::new(false));
     let (sender, receiver) = channel();
@@ -189,32 +178,15 @@ pub fn early_end(
     }
 }
 
-/// Adds iterations until the budget is used or Python asks to stop, and calls `after` with the seconds of rendering after each one.
-/// `before` are the seconds of earlier sums. Returns the seconds, and the exception that ended it early if the image so far is kept.
-pub fn iterate(
-    renderer: &mut Renderer,
-    settings: &Settings,
-    strict: bool,
-    before: f64,
-    progress: Option<&Py<PyAny>>,
-    mut after: impl FnMut(&Renderer, f64) + Send,
-) -> Result<(f64, Option<PyErr>)> {
-    let started = Instant::now();
-    let budget = settings.budget();
+/// Adds iterations until the budget is used or Python asks to stop. Returns the exception that ended it early if the image so far is
+/// kept.
+pub fn iterate(job: &mut ReadyJob, progress: Option<&Py<PyAny>>) -> Result<Option<PyErr>> {
     let (end, failure) = watched(progress, |steps, stop| {
-        let schedule = Schedule::Budget { budget, shard: Shard::ALL, before };
-        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::SafeOnes };
-        iterations.run(renderer, |renderer, elapsed| {
-            let (samples, seconds) = (renderer.film().samples(), before + elapsed.as_secs_f64());
-            after(renderer, seconds);
-            let fraction = match budget {
-                Budget::Spp(spp) => samples as f64 / f64::from(spp),
-                Budget::Seconds(all) => seconds / all,
-            };
+        job.iterate(stop, Abandons::SafeOnes, |step| {
             // `watched` keeps the receiver until this thread ends, so this cannot fail.
-            let _ = steps.send(Step { fraction: fraction.min(1.0), samples, seconds });
+            let _ = steps.send(step.progress);
         })
     })?;
-    let seconds = before + started.elapsed().as_secs_f64();
-    Ok((seconds, early_end(end, failure, renderer.device(), renderer.film().iterations() > 0)?))
+    let renderer = &job.ready.renderer;
+    early_end(end, failure, renderer.device(), renderer.film().iterations() > 0)
 }

@@ -9,11 +9,12 @@ use serde_json::Value;
 use taugate::internals::image::array_set::{self, ArraySet, Role, forget_arrays};
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::scan_file::ScanArrays;
+use taugate::internals::job::ready_job::Progress;
 use taugate::internals::job::{Job, feasible};
 use taugate::internals::scan::{Measurement, PreparedScan, check_memory, scene_at};
 use taugate::internals::settings::Sampling;
 
-use crate::engine::{self, Step, early_end, watched};
+use crate::engine::{self, early_end, watched};
 use crate::errors::{Failure, Result, settings as mistake, shown};
 use crate::flags::Words;
 use crate::image::array;
@@ -115,7 +116,7 @@ fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
             let fraction = measurement.measured() as f64 / count as f64;
             let seconds = started.elapsed().as_secs_f64();
             // `watched` keeps the receiver until this thread ends, so this cannot fail.
-            let _ = steps.send(Step { fraction, samples: measurement.samples(), seconds });
+            let _ = steps.send(Progress { fraction, samples: measurement.samples(), seconds });
         })
     })?;
     let interrupt = early_end(end, failure, &device, measurement.measured() > 0)?;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use glam::DAffine3;
 use pyo3::prelude::*;
@@ -10,6 +11,7 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::job::ready::Ready;
+use taugate::internals::job::ready_job::ReadyJob;
 use taugate::internals::job::{Job, feasible, read};
 use taugate::internals::render::{PreparedScene, probe};
 use taugate::internals::scene::Scene;
@@ -21,7 +23,7 @@ use crate::engine;
 use crate::errors::{Result, settings};
 use crate::flags::{self, Words};
 use crate::image::Image;
-use crate::resume::SumFiles;
+use crate::resume::sum_files;
 
 /// What a scene of Python holds.
 pub struct State {
@@ -91,7 +93,7 @@ impl State {
         progress: Option<&Py<PyAny>>,
     ) -> Result<(Image, Option<PyErr>)> {
         let mut job = self.job(flags)?;
-        let (config, mut warnings, mut notes) = (job.config(), job.warnings(), job.notes.clone());
+        let (config, mut notes) = (job.config(), job.notes.clone());
         let (experiment, settings) = (job.experiment.clone(), &job.resolved.settings.clone());
         let count = settings.responses().len();
         if experiment.scan.is_some() {
@@ -111,21 +113,32 @@ impl State {
         let wanted = flags::experiment(flags)?.output;
         let is_in_files = experiment.scene.is_some() && self.moved.is_empty();
         let in_files = is_in_files.then(|| config.clone());
-        let mut sum_files = SumFiles::new(&wanted, in_files, settings, has_variance)?;
+        let mut sums = sum_files(&wanted, in_files, settings, has_variance)?;
         let (mut ready, mut layers) = engine::prepare(self.ready.take(), &mut job, has_variance)?;
-        warnings.extend(ready.warnings.iter().chain(&ready.missing).cloned());
-        notes.extend(sum_files.resume(&mut ready.renderer, &mut layers, settings)?);
-        let strict = experiment.render.strict.unwrap_or(false);
-        let before = sum_files.before;
-        let (seconds, interrupt) =
-            engine::iterate(&mut ready.renderer, settings, strict, before, progress, |renderer, seconds| {
-                sum_files.update(renderer, &layers, seconds);
-            })?;
-        warnings.extend(sum_files.finish(&ready.renderer, &layers, seconds));
-        if ready.renderer.is_black() && interrupt.is_none() && !job.may_be_dark() {
-            let device = engine::device(experiment.render.device.as_deref())?;
-            return Err(feasible::nothing_inside(&device, &ready.scene, settings).into());
+        if let Some((line, note)) = sums.resume(&mut ready.renderer, &mut layers, settings, Shard::ALL)? {
+            notes.extend([line].into_iter().chain(note));
         }
+        let mut job = ReadyJob {
+            ready,
+            layers,
+            sums,
+            shard: Shard::ALL,
+            config: config.clone(),
+            may_be_dark: job.may_be_dark(),
+            strict: experiment.render.strict.unwrap_or(false),
+            warnings: job.warnings(),
+            elapsed: Duration::ZERO,
+        };
+        let interrupt = engine::iterate(&mut job, progress)?;
+        let mut warnings: Vec<String> = job.warnings().map(String::from).collect();
+        // The image must not be lost with the file.
+        if let Err(error) = job.write_checkpoint() {
+            warnings.push(format!("{error}; the checkpoint does not have this image"));
+        }
+        if interrupt.is_none() {
+            job.check_light()?;
+        }
+        let (seconds, ReadyJob { ready, layers, .. }) = (job.seconds(), job);
         let renderer = &ready.renderer;
         let about = About::new(settings, config.to_toml(), &[], String::new(), Shard::ALL);
         let sums = Accumulation {

@@ -4,7 +4,8 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use taugate::internals::image::accumulation::About;
+use taugate::internals::job::ready_job;
+use taugate::internals::job::sum_files::Before;
 use taugate::internals::printable::escaped;
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::Budget;
@@ -27,20 +28,6 @@ pub struct Position {
     pub before: Before,
 }
 
-/// Samples per pixel and seconds of earlier processes.
-#[derive(Clone, Copy, Default)]
-pub struct Before {
-    pub samples: u64,
-    pub seconds: f64,
-}
-
-impl Before {
-    /// What went into these sums.
-    pub fn of(about: &About) -> Before {
-        Before { samples: about.samples_per_pixel, seconds: about.seconds }
-    }
-}
-
 impl Position {
     pub fn of(renderer: &Renderer, elapsed: Duration, before: Before) -> Position {
         Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays(), before }
@@ -52,11 +39,8 @@ impl Position {
 
     /// Fraction of the budget that is used, 0 to 1.
     fn done(&self, budget: &Budget) -> f64 {
-        let done = match *budget {
-            Budget::Spp(spp) => self.samples as f64 / f64::from(spp),
-            Budget::Seconds(seconds) => (self.before.seconds + self.elapsed.as_secs_f64()) / seconds,
-        };
-        done.min(1.0)
+        let seconds = self.before.seconds + self.elapsed.as_secs_f64();
+        ready_job::Progress::new(budget, self.samples, seconds).fraction
     }
 
     /// Seconds until the budget is used, at the pace of this process. `None` if the pace is not known yet.

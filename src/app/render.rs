@@ -8,10 +8,9 @@ mod sequence;
 
 use std::collections::HashSet;
 use std::io::IsTerminal;
-use std::mem::take;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
@@ -19,22 +18,23 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve;
 use taugate::internals::input::sequence::Sequence;
-use taugate::internals::job::iterations::{Abandons, Iterations};
+use taugate::internals::job::iterations::Abandons;
 use taugate::internals::job::preparation::Preparation;
 use taugate::internals::job::ready::{Ready, Wanted};
-use taugate::internals::job::sums::{self, Checkpoint, Earlier, Identity, empty_shard};
-use taugate::internals::job::{Job, feasible, memory, read};
-use taugate::internals::render::schedule::{Schedule, budget_of};
-use taugate::internals::render::{Renderer, StrategyImages};
+use taugate::internals::job::ready_job::{ReadyJob, Step};
+use taugate::internals::job::sum_files::SumFiles;
+use taugate::internals::job::sums::{self, Identity, empty_shard};
+use taugate::internals::job::{Job, memory, read};
+use taugate::internals::render::StrategyImages;
+use taugate::internals::render::schedule::budget_of;
 use taugate::internals::scene::Scene;
+use taugate::internals::settings::Settings;
 use taugate::internals::settings::aov::Aov;
-use taugate::internals::settings::shard::Shard;
-use taugate::internals::settings::{Sampling, Settings};
 use taugate::internals::tev::TevStream;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::live::Live;
-use super::progress::{Before, Position, Progress};
+use super::progress::{Position, Progress};
 use super::report::Report;
 use super::{compiling, pace, strategies};
 use crate::app::cli::RenderArgs;
@@ -123,12 +123,10 @@ impl Session {
         }
         check_outputs(&outputs)?;
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
-        // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
-        let mut checkpoint = Checkpoint::new(outputs.checkpoint.as_ref())?;
         // Measure before the earlier sums are read, and count the images of the previous frame as free. The images of this render
         // take the place of both.
         let free = memory::free_without(self.ready.as_ref().and_then(|ready| ready.renderer.responses()));
-        let earlier = Earlier::read(experiment.output.resume.as_deref(), outputs.checkpoint.as_ref())?;
+        let mut sums = SumFiles::open(experiment.output.resume.as_deref(), outputs.checkpoint.as_ref())?;
         // There is no result to keep yet.
         self.interrupts.end_the_process_at(Interrupt::First);
 
@@ -141,27 +139,19 @@ impl Session {
         let (config, warnings, may_be_dark) = (job.config(), job.warnings(), self.is_sequence || job.may_be_dark());
         let Job { experiment, scene, resolved, notes } = job;
         let settings = &resolved.settings;
-        let shard = match &earlier {
-            Some(earlier) => earlier.shard(experiment.output.shard)?,
-            None => experiment.output.shard.unwrap_or(Shard::ALL),
-        };
+        let shard = sums.shard(experiment.output.shard)?;
         resolve::check_shard(shard, &outputs)?;
-        let identity = match self.is_sequence || outputs.sums().next().is_some() || earlier.is_some() {
-            true => Some(Identity::new(config.clone(), settings, shard)?),
-            false => None,
-        };
-        let printed = match identity.as_ref().filter(|_| self.is_sequence) {
-            Some(identity) => sequence::with_inputs(&config.to_toml(), identity),
-            None => config.to_toml(),
-        };
-        if let Some(identity) = identity.as_ref().filter(|_| self.is_sequence)
-            && sequence::is_finished(&outputs, identity)?
-        {
-            return Ok(Outcome::Kept);
+        if self.is_sequence || outputs.sums().next().is_some() || sums.has_earlier() {
+            sums.identify(Identity::new(config.clone(), settings, shard)?);
         }
-        if let (Some(earlier), Some(identity)) = (&earlier, &identity) {
-            earlier.check(identity, outputs.has_variance())?;
+        let mut printed = config.to_toml();
+        if let Some(identity) = sums.identity().filter(|_| self.is_sequence) {
+            printed = sequence::with_inputs(&printed, identity);
+            if sequence::is_finished(&outputs, identity)? {
+                return Ok(Outcome::Kept);
+            }
         }
+        sums.check(outputs.has_variance())?;
         let parts = memory::ImageParts { variance: outputs.has_variance(), exr: outputs.exr.is_some() };
         memory::check(settings, parts, free)?;
         if outputs.strategy_images.is_some() {
@@ -197,42 +187,31 @@ impl Session {
             }
         };
         preparation.finish();
-        let device = self.device.as_ref().expect("preparing opened a device");
-        let Ready { renderer, scene, warnings: of_surfaces, missing, .. } = &mut ready;
 
         // Render.
-        let before = earlier.as_ref().map_or(Before::default(), |earlier| Before::of(&earlier.sums.about));
-        if let Some(mut earlier) = earlier {
-            layers.add_missing(take(&mut earlier.sums.layers));
-            self.progress.line(&earlier.describe());
-            if let Some(note) = earlier.note(shard, settings.sampling() == Sampling::Adaptive) {
-                self.progress.line(&format!("note: {note}"));
-            }
-            renderer.resume(earlier.sums)?;
+        let before = sums.before();
+        if let Some((line, note)) = sums.resume(&mut ready.renderer, &mut layers, settings, shard)? {
+            self.progress.line(&line);
+            note.iter().for_each(|note| self.progress.line(&format!("note: {note}")));
         }
+        let strict = experiment.render.strict.unwrap_or(false);
+        let (warnings, elapsed) = (resolved.warnings, Duration::ZERO);
+        let mut job = ReadyJob { ready, layers, sums, shard, config, may_be_dark, strict, warnings, elapsed };
         self.interrupts.end_the_process_at(Interrupt::Second);
         let stop = &self.interrupts.stop;
-        let strict = experiment.render.strict.unwrap_or(false);
-        let rendering = Instant::now();
         let (name, responses) = (outputs.name(), settings.responses());
         let mut live = self.tev.as_mut().map(|stream| Live { stream, name, responses });
         let progress = &mut self.progress;
         let own_budget = budget_of(shard, settings.budget());
-        let watch = |renderer: &Renderer, elapsed: Duration| {
-            let seconds = before.seconds + elapsed.as_secs_f64();
+        let rendered = job.iterate(stop, Abandons::LaterOnes, |Step { renderer, elapsed, not_written, .. }| {
             if let Some(live) = &mut live {
                 live.update(renderer, progress);
             }
-            if let (Some(checkpoint), Some(identity)) = (&mut checkpoint, &identity)
-                && let Err(error) = checkpoint.update(identity, renderer, &layers, seconds)
-            {
+            if let Some(error) = not_written {
                 progress.line(&format!("warning: {error}; the render goes on, and tries it again later"));
             }
             progress.update(&Position::of(renderer, elapsed, before), &own_budget);
-        };
-        let schedule = Schedule::Budget { budget: settings.budget(), shard, before: before.seconds };
-        let iterations = Iterations { schedule, strict, stop, abandons: Abandons::LaterOnes };
-        let rendered = iterations.run(renderer, watch);
+        });
         self.progress.finish();
         let failure = failure(rendered?)?;
         if self.is_sequence
@@ -240,10 +219,8 @@ impl Session {
         {
             return Err(failure.into());
         }
-        let elapsed = rendering.elapsed();
-        let seconds = before.seconds + elapsed.as_secs_f64();
         let interrupted = stop.load(Ordering::Relaxed) || failure.is_some();
-        if interrupted && (self.is_sequence || renderer.film().samples() == 0) {
+        if interrupted && (self.is_sequence || job.film().samples() == 0) {
             self.progress.line(match self.is_sequence {
                 true => "interrupted; the finished frames are kept, and the same command continues after them",
                 false => "interrupted before the first image; nothing was written",
@@ -251,21 +228,21 @@ impl Session {
             return Ok(Outcome::Interrupted);
         }
 
-        // A shard may miss light that the other shards find.
-        if !may_be_dark && !interrupted && shard.is_all() && renderer.is_black() {
-            return Err(feasible::nothing_inside(device, scene, settings).into());
+        if !interrupted {
+            job.check_light()?;
         }
 
         // Write.
-        let provenance = Provenance::new(settings, seconds, printed);
-        let warnings = [&resolved.warnings[..], of_surfaces, missing.as_slice()].concat();
+        let renderer = &job.ready.renderer;
+        let provenance = Provenance::new(settings, job.seconds(), printed);
+        let warnings: Vec<String> = job.warnings().map(String::from).collect();
         let report = Report {
             renderer,
             settings,
             provenance: &provenance,
-            seconds: elapsed.as_secs_f64(),
+            seconds: job.elapsed.as_secs_f64(),
             before,
-            layers: &layers,
+            layers: &job.layers,
             preparation: &preparation,
             warnings: &warnings,
             gate_warning: resolved.gate_warning.as_deref(),
@@ -275,18 +252,15 @@ impl Session {
         if let Some(live) = &mut live {
             live.send_last(renderer);
         }
-        report.write(&outputs, |path| match &identity {
-            Some(identity) => identity.write(path, renderer, &layers, seconds),
-            None => Ok(()),
-        })?;
+        report.write(&outputs, |path| job.sums.write(path, renderer, &job.layers, job.seconds()))?;
         report.summarise(&outputs, &self.progress);
         if let Some(live) = live {
             self.interrupts.end_the_process_at(Interrupt::Second);
             live.finish(&self.progress);
             self.interrupts.end_the_process_at(Interrupt::None);
         }
-        if let Some(checkpoint) = checkpoint.filter(|_| interrupted) {
-            self.progress.line(&format!("interrupted; the same command goes on from {}", checkpoint.path().display()));
+        if let Some(path) = job.sums.checkpoint().filter(|_| interrupted) {
+            self.progress.line(&format!("interrupted; the same command goes on from {}", path.display()));
         }
         if interrupted && outputs.strategy_images.is_some() {
             strategies::report_interrupted(&self.progress);
@@ -296,10 +270,10 @@ impl Session {
             return Err(with_saved_results(failure, &results).into());
         }
         if self.is_sequence {
-            self.ready = Some(ready);
+            self.ready = Some(job.ready);
         } else if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
-            let samples = renderer.film().samples();
-            let (scene, interrupts) = (&ready.into_scene(), &self.interrupts);
+            let (samples, device) = (renderer.film().samples(), &renderer.device().clone());
+            let (scene, interrupts) = (&job.ready.into_scene(), &self.interrupts);
             let images = strategies::Job { device, scene, settings, samples, interrupts };
             images.write(folder, &provenance, &self.progress)?;
         }

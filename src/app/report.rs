@@ -10,11 +10,12 @@ use taugate::internals::image::exr_file::{Provenance, version};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::job::preparation::Preparation;
+use taugate::internals::job::sum_files::Before;
 use taugate::internals::render::{Renderer, Stage, Stats};
 use taugate::internals::settings::Settings;
 
 use super::images::Images;
-use super::progress::{Before, Position, Progress, duration, rays};
+use super::progress::{Position, Progress, duration, rays};
 use super::rescue::Rescue;
 
 /// The warning about an image without light.

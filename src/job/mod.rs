@@ -1,4 +1,4 @@
-//! What the program, the viewer and the Python module do with a scene. Nothing here prints.
+//! What the program, the viewer and the Python module do with a scene. Nothing here prints. [`Job`] is also part of the API.
 
 pub mod feasible;
 pub mod iterations;
@@ -6,47 +6,176 @@ pub mod memory;
 pub mod preparation;
 pub mod read;
 pub mod ready;
+pub mod ready_job;
+pub mod sum_files;
 pub mod sums;
 
-use crate::error::Result;
+use std::path::Path;
+use std::time::Duration;
+
+use crate::error::{Error, Result};
+use crate::gpu::Device;
 use crate::input::experiment::Experiment;
 use crate::input::resolve::{self, Resolved};
-use crate::input::scenery;
+use crate::input::sequence::Sequence;
+use crate::input::{named, scenery};
 use crate::scene::Scene;
+use crate::settings::Settings;
+use crate::settings::shard::Shard;
 
-/// A render with all settings resolved.
+use preparation::Preparation;
+use ready::{Ready, Wanted};
+use ready_job::ReadyJob;
+use sum_files::SumFiles;
+
+/// A render with all settings resolved: those of an experiment file or a scene file, or those of a program.
+///
+/// A job renders the same image as `taugate render` with the same settings, bit for bit, and makes the same checks before it. It writes no
+/// file by itself: outputs that an experiment file names are ignored.
 pub struct Job {
     /// With the choices that depend on the scene, such as the place of an automatic camera.
+    #[doc(hidden)]
     pub experiment: Experiment,
     /// With the cameras and lights of the experiment.
+    #[doc(hidden)]
     pub scene: Scene,
+    #[doc(hidden)]
     pub resolved: Resolved,
-    /// Notes about the choices, one sentence each.
+    /// See [`Job::notes`].
+    #[doc(hidden)]
     pub notes: Vec<String>,
 }
 
+#[warn(missing_docs)]
 impl Job {
+    /// Opens an experiment (`.toml`), or a scene (`.glb`, `.gltf`) with default settings, and reads the scene. Fails if a file cannot
+    /// be read or is not valid, if settings contradict each other or the scene, or if the experiment is a scan.
+    pub fn open(path: impl AsRef<Path>) -> Result<Job> {
+        Job::open_with(path, [])
+    }
+
+    /// As [`Job::open`], with further settings, such as `("gate", "6.2m..6.3m")` or `("spp", "16")`. Their names are those of the
+    /// flags of `taugate render`, and their values are written as on the command line; `true` switches a flag on. They replace the
+    /// settings in the file. A later setting replaces an earlier one that excludes it. Also fails if there is no such setting, or if a
+    /// value is not valid; nothing is read then.
+    pub fn open_with<'a>(
+        path: impl AsRef<Path>,
+        settings: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Job> {
+        let mut typed = Experiment::default();
+        settings.into_iter().try_for_each(|(name, text)| named::set(&mut typed, name, Some(text)))?;
+        let experiment = read::experiment(path.as_ref().into(), typed)?;
+        experiment.check_paths()?;
+        if experiment.scan.is_some() {
+            return Err(Error::settings(
+                "this experiment is a scan, and no single image; measure it with taugate render",
+            ));
+        }
+        if Sequence::new(&experiment, || Ok(Some(0.0)))?.is_some() {
+            return Err(Error::settings(
+                "this experiment is a sequence of frames; remove frames, and choose one of them with at",
+            ));
+        }
+        let scene = read::scene(&experiment)?;
+        Job::new(experiment, scene)
+    }
+
+    /// A job for a scene that a program has built or loaded. It has the seed, the estimator and all else of `settings`. A gated render
+    /// leaves out suns and skies, with a warning. Fails if the scene has no camera or light, if the settings do not suit it, or if a
+    /// gate is too narrow for 32-bit travel times.
+    pub fn of_scene(scene: Scene, settings: &Settings) -> Result<Job> {
+        let camera = settings.camera();
+        if camera >= scene.cameras.len() {
+            return Err(Error::settings(format!(
+                "the settings choose camera {camera}, but the scene has {}; add a camera to the scene",
+                scene.cameras.len()
+            )));
+        }
+        let experiment = resolve::as_experiment(&Experiment::default(), settings, &scene);
+        let mut job = Job::new(experiment, scene)?;
+        // Two cameras may have the same name.
+        job.resolved.settings = job.resolved.settings.change().camera(camera).build()?;
+        Ok(job)
+    }
+
     /// Adds the cameras and lights of `experiment` to `scene`, and fills in all settings. Fails if they contradict each other or the
     /// scene.
+    #[doc(hidden)]
     pub fn new(mut experiment: Experiment, mut scene: Scene) -> Result<Job> {
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
         Ok(Job { experiment, scene, resolved, notes })
     }
 
+    /// The scene, with the cameras and lights that the settings add.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The settings, with all defaults.
+    pub fn settings(&self) -> &Settings {
+        &self.resolved.settings
+    }
+
+    /// The choices that were made for the scene, such as the place of a camera, one sentence each without a full stop.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Warnings about the scene and the settings, one sentence each without a full stop.
+    pub fn warnings(&self) -> Vec<String> {
+        [&self.scene.warnings[..], &self.resolved.warnings].concat()
+    }
+
+    /// The settings as an experiment file (TOML), with all defaults. The file renders the same image later, if the scene is from a
+    /// file.
+    pub fn to_toml(&self) -> String {
+        self.config().to_toml()
+    }
+
     /// The experiment with all defaults, but without outputs. It renders the same image later.
+    #[doc(hidden)]
     pub fn config(&self) -> Experiment {
         let config = resolve::as_experiment(&self.experiment, &self.resolved.settings, &self.scene);
         Experiment { output: Default::default(), ..config }
     }
 
-    /// Warnings about the scene and the settings, one sentence each.
-    pub fn warnings(&self) -> Vec<String> {
-        [&self.scene.warnings[..], &self.resolved.warnings].concat()
-    }
-
     /// Whether a black image is accepted: the user wants it, or there is no gate that could miss the light.
+    #[doc(hidden)]
     pub fn may_be_dark(&self) -> bool {
         self.experiment.gate.force.unwrap_or(false) || self.resolved.settings.responses().are_steady()
+    }
+
+    /// Opens the device that the setting `device` names, or else the best one. Fails if there is none.
+    pub fn open_device(&self) -> Result<Device> {
+        Device::open(self.experiment.render.device.as_deref())
+    }
+
+    /// Prepares the scene on a device: builds the BVH, compiles kernels, and renders auxiliary layers if the setting `aov` wants them.
+    ///
+    /// Fails if the gate can meet no light, unless the settings have `force`; the error says when light arrives. Fails if the memory
+    /// of the host or of the device does not suffice, if the scene or the settings do not allow a render, or if the device is lost.
+    pub fn prepare(self, device: &Device) -> Result<ReadyJob> {
+        // As for an image file, which has variances.
+        memory::check(self.settings(), memory::ImageParts { variance: true, exr: true }, memory::free())?;
+        let (config, warnings, may_be_dark) = (self.config(), self.warnings(), self.may_be_dark());
+        let Job { experiment, scene, resolved: Resolved { settings, .. }, .. } = self;
+        let aov = experiment.output.aov.unwrap_or_default();
+        let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance: true, aov };
+        let (mut ready, layers) =
+            Ready::new(scene, &settings, &wanted, || Ok(device.clone()), &mut Preparation::start(), &mut |_| {})?;
+        // Only another frame could use it.
+        ready.prepared = None;
+        Ok(ReadyJob {
+            ready,
+            layers,
+            sums: SumFiles::default(),
+            shard: Shard::ALL,
+            config,
+            may_be_dark,
+            strict: experiment.render.strict.unwrap_or(false),
+            warnings,
+            elapsed: Duration::ZERO,
+        })
     }
 }

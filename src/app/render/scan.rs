@@ -11,6 +11,7 @@ use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Resolved};
 use taugate::internals::input::scan_table::ScanTable;
+use taugate::internals::job::sum_files::Before;
 use taugate::internals::job::{Job, feasible, read};
 use taugate::internals::scan::{Measurement, PreparedScan, check_memory, scene_at};
 use taugate::internals::settings::Sampling;
@@ -18,7 +19,7 @@ use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::table::OutputTable;
 
 use super::super::interrupts::Interrupt;
-use super::super::progress::{Before, Position, duration, rays};
+use super::super::progress::{Position, duration, rays};
 use super::super::report::dropped;
 use super::super::rescue::Rescue;
 use super::{Outcome, Session, check_inputs, check_outputs, failure, with_saved_results, with_scene_path};

@@ -8,11 +8,11 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::job::preparation::Preparation;
+use taugate::internals::job::sum_files::Before;
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::values::Files;
 use taugate::internals::settings::{Budget, MAX_SPP};
 
-use super::super::progress::Before;
 use super::super::report::Report;
 use super::stage::Stage;
 
