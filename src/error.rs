@@ -129,6 +129,6 @@ mod tests {
         assert!(error.to_string().ends_with("missing.glb: no such file; check the name"), "{error}");
         let source = error.source().and_then(|source| source.downcast_ref::<io::Error>()).expect("the system's error");
         assert_eq!(source.kind(), io::ErrorKind::NotFound);
-        assert!(Error::Settings("a mistake".into()).source().is_none());
+        assert!(Error::settings("a mistake").source().is_none());
     }
 }

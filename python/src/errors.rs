@@ -47,7 +47,7 @@ pub fn shown(sentences: &[String]) -> Vec<String> {
 
 /// A mistake in the arguments.
 pub fn settings(message: impl Into<String>) -> Failure {
-    Failure::Library(Error::Settings(message.into()))
+    Failure::Library(Error::settings(message))
 }
 
 fn name(kind: ErrorKind) -> &'static str {

@@ -49,7 +49,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::new(args.quiet);
     let bench = Bench::new(args, &progress)?;
     if bench.present.is_empty() {
-        return Err(Error::Settings(format!("no scene is left to measure: {}", bench.skipped.join("; "))).into());
+        return Err(Error::settings(format!("no scene is left to measure: {}", bench.skipped.join("; "))).into());
     }
     let device = Device::open(args.device.as_deref())?;
     let interrupts = Interrupts::new()?;
@@ -78,7 +78,7 @@ impl Bench {
             suite.seconds = time.0;
         }
         if suite.seconds > MAX_SECONDS {
-            return Err(Error::Settings("the time of a suite must be at most a year".into()));
+            return Err(Error::settings("the time of a suite must be at most a year"));
         }
         suite.repetitions = args.repetitions.unwrap_or(suite.repetitions);
         if let Some(resolution) = args.resolution {
@@ -183,7 +183,7 @@ impl Bench {
                         self.remedy()
                     ),
                 };
-                return Err(Error::Settings(wrong));
+                return Err(Error::settings(wrong));
             }
         }
         Ok(())
@@ -361,7 +361,7 @@ fn choose(suite: &mut Suite, names: &[String]) -> Result<()> {
     let known = |name: &String| suite.scenes.iter().any(|scene| scene.name == *name);
     if let Some(name) = names.iter().find(|name| !known(name)) {
         let all: Vec<&str> = suite.scenes.iter().map(|scene| scene.name.as_str()).collect();
-        return Err(Error::Settings(format!("the suite has no scene '{name}': choose from {}", all.join(", "))));
+        return Err(Error::settings(format!("the suite has no scene '{name}': choose from {}", all.join(", "))));
     }
     suite.scenes.retain(|scene| names.is_empty() || names.contains(&scene.name));
     Ok(())

@@ -22,7 +22,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     if let Some(max) = args.max_relmse
         && (max.is_nan() || max < 0.0)
     {
-        return Err(Error::Settings(format!("--max-relmse is {max}; it must be 0 or more, such as 0.05")).into());
+        return Err(Error::settings(format!("--max-relmse is {max}; it must be 0 or more, such as 0.05")).into());
     }
     let mut is_array = false;
     for path in [&args.image, &args.reference] {
@@ -34,7 +34,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     // A small file may hold a huge image, so compare the sizes before decoding.
     let [[width, height], [reference_width, reference_height]] = [size(&args.image)?, size(&args.reference)?];
     if [width, height] != [reference_width, reference_height] {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "the images differ in size: {} is {width}x{height}, {} is {reference_width}x{reference_height}; render both with \
              the same --resolution and --crop",
             args.image.display(),
@@ -104,15 +104,15 @@ fn content_difference(image: &Picture, reference: &Picture) -> Option<String> {
 fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -> Result<Agreement, Error> {
     let extension = out.extension().unwrap_or_default().to_ascii_lowercase();
     if extension != "png" && extension != "exr" {
-        return Err(Error::Settings(format!("the map of --z, {}, must end in .png or .exr", out.display())));
+        return Err(Error::settings(format!("the map of --z, {}, must end in .png or .exr", out.display())));
     }
     let same =
         |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
     if same(out, &args.image) || same(out, &args.reference) {
-        return Err(Error::Settings(format!("--z would overwrite {}; choose another name", out.display())));
+        return Err(Error::settings(format!("--z would overwrite {}; choose another name", out.display())));
     }
     if image.seed.is_some() && image.seed == reference.seed && !image.rgb.eq(&reference.rgb) {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "both images were rendered with seed {}, so their noise is not independent; render one with another --seed",
             image.seed.as_deref().unwrap_or_default()
         )));

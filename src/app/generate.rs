@@ -12,11 +12,11 @@ use crate::app::cli::GenerateArgs;
 pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
     let GenerateArgs { name, output, roughness, triangles } = args;
     let kind = Kind::parse(name).ok_or_else(|| {
-        Error::Settings(format!("no scene is called '{name}'; choose one of {}", Kind::NAMES.join(", ")))
+        Error::settings(format!("no scene is called '{name}'; choose one of {}", Kind::NAMES.join(", ")))
     })?;
-    let kind = kind.with(*roughness, *triangles).map_err(Error::Settings)?;
+    let kind = kind.with(*roughness, *triangles).map_err(Error::settings)?;
     if !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
-        return Err(Error::Settings(format!("the output {} must end in .glb", output.display())).into());
+        return Err(Error::settings(format!("the output {} must end in .glb", output.display())).into());
     }
     write_atomically(output, |writer| writer.write_all(&glb_bytes(kind)))?;
     Ok(ExitCode::SUCCESS)

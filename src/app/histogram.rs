@@ -73,7 +73,7 @@ impl Quantity {
 pub fn run(args: &HistogramArgs) -> anyhow::Result<ExitCode> {
     if let Some(plot) = &args.plot {
         if !plot.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
-            return Err(Error::Settings(format!("the plot {} must end in .svg", plot.display())).into());
+            return Err(Error::settings(format!("the plot {} must end in .svg", plot.display())).into());
         }
         check_writable(plot)?;
     }
@@ -125,7 +125,7 @@ fn rows(
             vec![[x as usize, y as usize]]
         }
         Some(Pixel([x, y])) => {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "the pixel {x},{y} is outside of the array, which has {} columns and {} rows from 0",
                 array.width, array.height
             )));

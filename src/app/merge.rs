@@ -46,7 +46,7 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
     }
     let provenance = provenance(&sums.about, responses);
     if (outputs.exr.is_some() || outputs.variance) && sums.responses.as_ref().is_some_and(|film| !film.has_variance()) {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "{} has no variances of its gates; render with --variance, or write an array without --variance",
             path.display()
         ))
@@ -82,7 +82,7 @@ fn order(parts: &[PathBuf]) -> Result<Vec<(PathBuf, About)>> {
     for (path, about) in &all[1..] {
         first.check_same_render(&name(first_path), about, &name(path))?;
         if let Some(common) = seen.common(&about.iterations) {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "{} has iteration {common}, which another of the files has too; merge every part once",
                 name(path)
             )));
@@ -129,7 +129,7 @@ fn keep_layers(layers: &mut Layers, wanted: Aov) -> Result<()> {
         false => layers.keep(wanted).err(),
     };
     missing.map_or(Ok(()), |name| {
-        Err(Error::Settings(format!(
+        Err(Error::settings(format!(
             "the sums have no layer {name}: make it with taugate render --resume SUMS.acc --aov {name} -o OUT.exr"
         )))
     })

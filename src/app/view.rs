@@ -71,7 +71,7 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
     }
     let folder = save_to.canonicalize().with_context(|| format!("the folder {} of --save-to", save_to.display()))?;
     if !folder.is_dir() {
-        return Err(Error::Settings(format!("--save-to {} is no folder", save_to.display())).into());
+        return Err(Error::settings(format!("--save-to {} is no folder", save_to.display())).into());
     }
 
     let interrupts = Interrupts::new()?;
@@ -191,7 +191,7 @@ impl Drop for OnDrop {
 fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
     if experiment.scan.is_some() {
         let message = "a scan has no picture to watch; render it with taugate render";
-        return Err(Error::Settings(message.into()));
+        return Err(Error::settings(message));
     }
     let before = named::as_texts(experiment);
     experiment.output = Default::default();

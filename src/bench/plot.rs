@@ -35,7 +35,7 @@ pub fn convergence(title: &str, measure: &str, curves: &[(String, Vec<Point>)]) 
     let (times, errors) = (span(&|p| [p.seconds; 2]), span(&|p| [p.relmse.min, p.relmse.max]));
     let mut svg = String::new();
     draw(&mut svg, [title, measure], curves, times, errors)
-        .map_err(|e| Error::Settings(format!("the plot of {title}: {e}")))?;
+        .map_err(|e| Error::settings(format!("the plot of {title}: {e}")))?;
     Ok(Some(svg))
 }
 

@@ -209,7 +209,7 @@ impl SceneEntry {
 
 fn located(path: &Path, text: &str, span: &Range<usize>, message: &str) -> Error {
     let (line, column) = position(text, span.start);
-    Error::Settings(format!("{}:{line}:{column}: {}", path.display(), message.replace('\n', ", ")))
+    Error::settings(format!("{}:{line}:{column}: {}", path.display(), message.replace('\n', ", ")))
 }
 
 type Parts = (String, f64, u32, bool, Vec<SceneEntry>, Vec<Variant>);

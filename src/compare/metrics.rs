@@ -77,7 +77,7 @@ pub struct Comparison {
 /// 0.
 pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
     if image.len() != reference.len() || image.is_empty() {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "an image of {} values cannot be compared with a reference of {}; give images of the same size",
             image.len(),
             reference.len()
@@ -87,9 +87,8 @@ pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
     let mean_of = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>() / n;
     let (mean, reference_mean) = (mean_of(image), mean_of(reference));
     if reference_mean == 0.0 {
-        return Err(Error::Settings(
-            "the reference is black (its mean is 0), so a relative error is undefined; choose a gate in which light arrives"
-                .into(),
+        return Err(Error::settings(
+            "the reference is black (its mean is 0), so a relative error is undefined; choose a gate in which light arrives",
         ));
     }
 

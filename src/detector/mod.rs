@@ -69,9 +69,7 @@ impl Bins {
     pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
         match !gates.is_empty() && gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi) {
             true => Ok(Bins { integrals: gates.iter().map(|[lo, hi]| hi - lo).collect(), gates, period: None }),
-            false => {
-                Err(Error::Settings("a detector needs gates that end after they begin; render the light again".into()))
-            }
+            false => Err(Error::settings("a detector needs gates that end after they begin; render the light again")),
         }
     }
 
@@ -85,8 +83,8 @@ impl Bins {
     pub fn weighted(self, integrals: Vec<f64>) -> Result<Bins> {
         match integrals.iter().all(|&integral| 0.0 <= integral) {
             true => Ok(Bins { integrals, ..self }),
-            false => Err(Error::Settings(
-                "the integral of the weights of a gate is negative or not a number; render the light again".into(),
+            false => Err(Error::settings(
+                "the integral of the weights of a gate is negative or not a number; render the light again",
             )),
         }
     }
@@ -133,17 +131,16 @@ impl Detector {
         ];
         let flags: Vec<&str> = flags.iter().filter(|(_, given)| *given).map(|(flag, _)| *flag).collect();
         if !flags.is_empty() && !bins.are_in_order() {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "a detector with {0} needs gates that end and do not overlap, in ascending order; leave out {0}, or render with --gates \
                  A..B/N",
                 flags.join(" and ")
             )));
         }
         if (has_background || self.dark_rate > 0.0) && bins.integrals.iter().any(|integral| integral.is_infinite()) {
-            return Err(Error::Settings(
+            return Err(Error::settings(
                 "a gate without an end collects daylight and dark counts for an unknown time; leave out --background and \
-                 --dark-counts, or render gates that end"
-                    .into(),
+                 --dark-counts, or render gates that end",
             ));
         }
         Ok(())
@@ -169,7 +166,7 @@ impl Detector {
     /// Fails if no counts can be drawn for these `means`. Either a mean is not finite, or a dead time leaves too many counts per pulse.
     /// With a dead time, counts are drawn one by one.
     pub fn check(&self, means: &[f64], bins: &Bins) -> Result<()> {
-        let fail = |message: String| Err(Error::Settings(message));
+        let fail = |message: String| Err(Error::settings(message));
         let total: f64 = means.iter().sum();
         if !total.is_finite() {
             return fail(
@@ -205,7 +202,7 @@ impl Detector {
     pub fn check_draws(draws: f64) -> Result<()> {
         match draws <= MAX_DRAWS {
             true => Ok(()),
-            false => Err(Error::Settings(format!(
+            false => Err(Error::settings(format!(
                 "the counts with a dead time need {draws:.1e} random numbers, and the maximum is {MAX_DRAWS:e}; lower --pulses, or use \
                  --first-photon instead of --dead-time"
             ))),

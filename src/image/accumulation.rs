@@ -142,7 +142,7 @@ impl About {
         let found = tables(responses);
         let known = |name: &String| self.tables.get(name);
         if let Some((name, _)) = found.iter().find(|(name, found)| known(name).is_some_and(|known| known != *found)) {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "the response {name} has other weights than during the render; restore the file of --response, or render anew"
             )));
         }
@@ -158,7 +158,7 @@ impl About {
     /// Fails if the sums of `other` do not belong to the same render; the message says how they differ. The number of samples or
     /// seconds may differ. The message calls the two `name` and `other_name`.
     pub fn check_same_render(&self, name: &str, other: &About, other_name: &str) -> Result<()> {
-        let fail = |what: String| Err(Error::Settings(what));
+        let fail = |what: String| Err(Error::settings(what));
         if self.renderer != other.renderer {
             return fail(format!(
                 "{name} and {other_name} come from different versions of the renderer ({}, {} and {}, {}), which may differ by \
@@ -192,7 +192,7 @@ impl Accumulation {
     pub fn merge(&mut self, name: &str, other: &Accumulation, other_name: &str) -> Result<()> {
         self.about.check_same_render(name, &other.about, other_name)?;
         if let Some(common) = self.about.iterations.common(&other.about.iterations) {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "{other_name} has iteration {common}, which is already in {name}; merge every part once"
             )));
         }

@@ -252,7 +252,7 @@ impl CellBatches {
     /// Reads the numbers of [`CellBatches::to_floats`] for an image of this size. The numbers come from a file, so all of them
     /// are checked.
     pub fn from_floats(width: u32, height: u32, floats: &[f32]) -> Result<CellBatches> {
-        let wrong = |what: &str| Error::Settings(format!("the batches of cells (tof:cellBatches) {what}"));
+        let wrong = |what: &str| Error::settings(format!("the batches of cells (tof:cellBatches) {what}"));
         let mut all = CellBatches::new(width, height);
         let [columns, rows] = all.grid();
         let size = 1 + 3 * columns * rows;

@@ -29,12 +29,12 @@ pub struct Bar {
 pub fn steps(title: &str, light: &str, bars: &[Bar]) -> Result<String> {
     let numbers = || bars.iter().flat_map(|bar| [bar.gate[0], bar.gate[1], bar.light, bar.deviation]);
     if bars.is_empty() || numbers().any(|x| !x.is_finite()) {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "{title} cannot be drawn: it has no gates, or numbers that are not finite"
         )));
     }
     let mut svg = String::new();
-    draw(&mut svg, title, light, bars).map_err(|e| Error::Settings(format!("the plot of {title}: {e}")))?;
+    draw(&mut svg, title, light, bars).map_err(|e| Error::settings(format!("the plot of {title}: {e}")))?;
     Ok(svg)
 }
 

@@ -19,7 +19,7 @@ pub fn set(experiment: &mut Experiment, name: &str, text: Option<&str>) -> Resul
     changed.visit(&mut set);
     set.found.unwrap_or_else(|| {
         let reason = missing::reason(name).map(|reason| format!(": {reason}")).unwrap_or_default();
-        Err(Error::Settings(format!("there is no setting --{name}{reason}")))
+        Err(Error::settings(format!("there is no setting --{name}{reason}")))
     })?;
     if text.is_some() {
         changed.visit(&mut LeaveOut(&excluding(name).collect::<Vec<_>>()));
@@ -70,7 +70,7 @@ impl Visitor for Set<'_> {
                 *slot = value;
                 Ok(())
             }
-            Err(message) => Err(Error::Settings(format!("--{}: {message}", self.name))),
+            Err(message) => Err(Error::settings(format!("--{}: {message}", self.name))),
         });
     }
 }

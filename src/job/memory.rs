@@ -36,7 +36,7 @@ pub fn check(settings: &Settings, parts: ImageParts, free: Option<u64>) -> Resul
     if needed <= free {
         return Ok(());
     }
-    Err(Error::Settings(format!(
+    Err(Error::settings(format!(
         "the images of {count} gates of {}x{} pixels need {:.1} GiB of memory, but only {:.1} GiB are free; use fewer gates, \
          a smaller --resolution, or --crop",
         crop.width(),
@@ -50,7 +50,7 @@ pub fn check(settings: &Settings, parts: ImageParts, free: Option<u64>) -> Resul
 /// that `what` needs this memory; `remedy` says how to need less.
 pub fn check_bytes(bytes: u64, free: Option<u64>, what: &str, remedy: &str) -> Result<()> {
     match free.filter(|free| bytes > *free) {
-        Some(free) => Err(Error::Settings(format!(
+        Some(free) => Err(Error::settings(format!(
             "{what} needs {:.1} GiB of memory, but only {:.1} GiB are free; {remedy}",
             bytes as f64 / GIB,
             free as f64 / GIB

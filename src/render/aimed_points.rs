@@ -68,7 +68,7 @@ pub fn check_aimed_points(
         true => format!("the first surface there is {distance:.4} m from the {who}"),
         false => "there is no surface there".into(),
     };
-    Err(Error::Settings(format!(
+    Err(Error::settings(format!(
         "{} of {} points of the {who} are not on a surface; the first is {}, {:.4} m from the {who}, but {found}; move the points to \
          the wall, or let travel times contain the ways to the wall (account_first_and_last_bounces = true)",
         off.len(),

@@ -45,7 +45,7 @@ impl Media {
         for material in &scene.materials {
             if let Some(interior) = &material.interior {
                 if interior.grid.is_some() {
-                    return Err(Error::Settings(format!(
+                    return Err(Error::settings(format!(
                         "the medium inside material '{}' has a density grid, which is not rendered yet; remove the grid",
                         material.name
                     )));
@@ -54,7 +54,7 @@ impl Media {
             }
         }
         if list.len() > MAX_MEDIA {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "the scene has {} media, more than {MAX_MEDIA}; give materials with the same medium one common material",
                 list.len()
             )));
@@ -94,7 +94,7 @@ pub fn interior_indices(scene: &Scene) -> Vec<Option<u32>> {
 fn density_grids(scene: &Scene, space: &RenderSpace, media: usize) -> Result<(Vec<Grid>, Vec<grid::Texel>)> {
     let texels: u64 = scene.media.iter().filter_map(|medium| medium.grid.as_ref()).map(grid::texel_count).sum();
     if texels > MAX_TEXELS {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "the density grids need {texels} texels on the device, more than {MAX_TEXELS}; use grids with fewer voxels"
         )));
     }

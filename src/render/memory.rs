@@ -43,7 +43,7 @@ fn check_build_in(free: Option<u64>, scene: &Scene) -> Result<()> {
     let needed = BUILD_BYTES.saturating_mul(triangles);
     match free.filter(|free| needed > *free) {
         None => Ok(()),
-        Some(free) => Err(Error::Settings(format!(
+        Some(free) => Err(Error::settings(format!(
             "the scene has {triangles} triangles, instances included, which need {:.1} GiB of memory, but only {:.1} GiB are free; \
              simplify the scene or split it",
             needed as f64 / GIB,

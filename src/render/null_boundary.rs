@@ -12,7 +12,7 @@ pub fn check(scene: &Scene) -> Result<()> {
         let material = &scene.materials[mesh.material as usize];
         let edges = if must_be_closed(material, mesh, outside) { mesh.open_edges() } else { 0 };
         if edges > 0 {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "mesh '{}' bounds a medium but is not closed ({edges} of its edges belong to one triangle only); close it, or \
                  remove the medium of material '{}'",
                 mesh.name, material.name

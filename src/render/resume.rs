@@ -64,7 +64,7 @@ impl Renderer {
             && responses.as_ref().map_or(1, |film| film.responses()) == count
             && (adaptive.is_none() || self.allocation.is_some());
         if !fits {
-            return Err(Error::Settings("the sums of the earlier render do not fit the image of this one".into()));
+            return Err(Error::settings("the sums of the earlier render do not fit the image of this one"));
         }
         self.film = film;
         if let (Some(sums), Some(film)) = (&mut self.responses, responses) {

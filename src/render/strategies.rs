@@ -77,8 +77,8 @@ impl StrategyImages {
     /// contributions measures no error per pixel.
     pub fn check(settings: &Settings) -> Result<()> {
         if settings.sampling() == Sampling::Adaptive {
-            return Err(Error::Settings(
-                "--strategy-images needs the same number of samples in every pixel; add --sampling uniform".into(),
+            return Err(Error::settings(
+                "--strategy-images needs the same number of samples in every pixel; add --sampling uniform",
             ));
         }
         // This is a lower bound: for a thin gate, the render forms more strategies.
@@ -127,7 +127,7 @@ fn check_memory(settings: &Settings, count: usize) -> Result<()> {
     if bytes <= MAX_BYTES {
         return Ok(());
     }
-    Err(Error::Settings(format!(
+    Err(Error::settings(format!(
         "--strategy-images: the images of {count} strategies take {} MiB, and the maximum is {} MiB; use a smaller \
          --max-depth (now {}), a smaller --resolution or a --crop",
         bytes >> 20,

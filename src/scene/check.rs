@@ -31,7 +31,7 @@ impl Scene {
 
     /// As [`Scene::check`], for the lights alone.
     pub(crate) fn check_lights(&self) -> Result<()> {
-        self.lights.iter().try_for_each(Light::check).map_err(Error::Settings)
+        self.lights.iter().try_for_each(Light::check).map_err(Error::settings)
     }
 
     pub(super) fn checked(&self) -> Checked {
@@ -62,7 +62,7 @@ impl Scene {
 impl Camera {
     /// As [`Scene::check`], for a camera alone.
     pub(crate) fn check(&self) -> Result<()> {
-        check_camera(self).map_err(Error::Settings)
+        check_camera(self).map_err(Error::settings)
     }
 }
 

@@ -57,7 +57,7 @@ impl FromStr for Aov {
 }
 
 fn not_a_layer(name: &str) -> Error {
-    Error::Settings(format!(
+    Error::settings(format!(
         "'{name}' is not an auxiliary layer: give all, or some of depth,normal,albedo,object,arrival"
     ))
 }

@@ -97,12 +97,12 @@ impl SettingsBuilder {
         check_resolution("the resolution", self.resolution)?;
         self.render.check()?;
         if self.render.time.is_some_and(|Seconds(seconds)| !(seconds > 0.0 && seconds <= MAX_SECONDS)) {
-            return Err(Error::Settings("--time must be more than 0 and at most a year".into()));
+            return Err(Error::settings("--time must be more than 0 and at most a year"));
         }
         let [width, height] = self.resolution;
         let is_inside = |crop: Crop| crop.x0 < crop.x1 && crop.x1 <= width && crop.y0 < crop.y1 && crop.y1 <= height;
         if let Some(crop) = self.crop.filter(|&crop| !is_inside(crop)) {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "--crop {crop} does not lie inside the image of {width}x{height}; it is x0,x1,y0,y1 with x1 <= {width} \
                  and y1 <= {height}"
             )));

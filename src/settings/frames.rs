@@ -25,7 +25,7 @@ impl FromStr for Frames {
     fn from_str(text: &str) -> Result<Frames> {
         let numbers = text.split_once("..").and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
         numbers.filter(|(a, b)| a < b && *b <= MAX_FRAME).map(|(a, b)| Frames(a..b)).ok_or_else(|| {
-            Error::Settings(format!(
+            Error::settings(format!(
                 "'{text}' are not frames; write them like 0..24, which are the 24 frames from 0 to 23, up to {MAX_FRAME}"
             ))
         })
@@ -48,7 +48,7 @@ pub struct GateKeys(Vec<(u32, Gate)>);
 impl GateKeys {
     /// Fails if there is no key, if the frames do not ascend, or if a gate has no end.
     pub fn new(keys: Vec<(u32, Gate)>) -> Result<GateKeys> {
-        let fail = |message: &str| Err(Error::Settings(format!("{message}; write them like {EXAMPLE}")));
+        let fail = |message: &str| Err(Error::settings(format!("{message}; write them like {EXAMPLE}")));
         if keys.is_empty() {
             return fail("the gate has no keys");
         }

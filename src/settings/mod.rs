@@ -222,7 +222,7 @@ pub fn check_resolution(source: &str, [width, height]: [u32; 2]) -> Result<()> {
     if fits && u64::from(width) * u64::from(height) <= MAX_PIXELS {
         return Ok(());
     }
-    Err(Error::Settings(format!(
+    Err(Error::settings(format!(
         "{source} is {width}x{height}; sides must be from 1 to {MAX_SIDE} and the image at most {} megapixels: give \
          --resolution WxH",
         MAX_PIXELS >> 20

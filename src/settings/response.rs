@@ -99,7 +99,7 @@ impl Response {
     /// time make a step. Fails if there are fewer than two rows, if the times are negative or descend, if a number is not finite, or
     /// if a weight is negative or all are 0. `file`: where the rows come from.
     pub fn table(name: impl Into<String>, rows: Vec<[f64; 2]>, file: Option<&Path>) -> Result<Response> {
-        let fail = |message: &str| Err(Error::Settings(message.into()));
+        let fail = |message: &str| Err(Error::settings(message));
         if rows.len() < 2 {
             return fail("a response needs at least two rows of travel time and weight");
         }

@@ -84,7 +84,7 @@ impl GateTable {
 pub fn check_name(name: &str) -> Result<()> {
     match name.is_empty() || name.contains(['.', '=', '/', '\\']) || name.trim() != name {
         false => Ok(()),
-        true => Err(Error::Settings(format!(
+        true => Err(Error::settings(format!(
             "'{name}' is not a name for a response: it names the layers of an image, so it must not be empty or contain a dot, an \
              equals sign, a slash, or spaces at its ends"
         ))),
@@ -95,7 +95,7 @@ impl FromStr for ResponseSpec {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<ResponseSpec> {
-        let wrong = || Error::Settings(format!("'{text}' is not a response; {HOW_TO_WRITE}"));
+        let wrong = || Error::settings(format!("'{text}' is not a response; {HOW_TO_WRITE}"));
         // After a slash, the equals sign is part of the path of a table.
         let (name, rest) = match text.split_once('=').filter(|(name, _)| !name.contains(['/', '\\'])) {
             Some((name, rest)) => (Some(name.trim()), rest.trim()),

@@ -38,14 +38,14 @@ impl Responses {
     pub fn new(list: Vec<Response>) -> Result<Responses> {
         let is_reserved = |name: &str| name == VARIANCE || Aov::ALL.names().any(|layer| layer == name);
         if let Some(response) = list.iter().find(|response| is_reserved(response.name())) {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "a response cannot be called '{0}', because image files have other channels of this name; write like my-{0}=...",
                 response.name()
             )));
         }
         let mut names = HashSet::new();
         if let Some(twice) = list.iter().find(|response| !names.insert(response.name())) {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "two responses are called '{}'; give each a name of its own, like near=gauss:10m..11m,0.1m",
                 twice.name()
             )));
@@ -142,14 +142,14 @@ impl Responses {
     pub(crate) fn check(&self) -> Result<()> {
         if self.list.is_empty() || self.list.len() > MAX_GATES as usize {
             let count = self.list.len();
-            return Err(Error::Settings(format!("{count} responses are not possible: give 1 to {MAX_GATES}")));
+            return Err(Error::settings(format!("{count} responses are not possible: give 1 to {MAX_GATES}")));
         }
         for response in self.iter() {
             check_name(response.name())?;
             if let Some(Edge::Ramp(length) | Edge::Gauss(length)) = response.edge()
                 && !(length > 0.0 && length <= MAX_TRAVEL_TIME)
             {
-                return Err(Error::Settings(format!(
+                return Err(Error::settings(format!(
                     "the response '{}' has edges of {length} m; give a length above 0, at most {MAX_TRAVEL_TIME:e} m",
                     response.name()
                 )));
@@ -159,7 +159,7 @@ impl Responses {
             // Also refuses a period that is not a number.
             let is_possible = period > 0.0 && period.is_finite() && (hi - lo) / period <= MAX_PERIODS;
             if !is_possible {
-                return Err(Error::Settings(format!(
+                return Err(Error::settings(format!(
                     "--repeat {} is too short for the gate of {} m: give at least {}",
                     OpticalPath(period),
                     number(hi - lo),

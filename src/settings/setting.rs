@@ -186,7 +186,7 @@ impl Setting {
             },
             _ => return Ok(()),
         };
-        Err(Error::Settings(format!("--{} is {count}; it must be {bounds}", self.name)))
+        Err(Error::settings(format!("--{} is {count}; it must be {bounds}", self.name)))
     }
 
     /// A note for a user who gave the setting although `estimator` does not use it; `None` if `estimator` uses it.

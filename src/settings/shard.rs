@@ -29,7 +29,7 @@ impl Shard {
     pub fn new(index: u32, count: u32) -> Result<Shard> {
         match index < count && count <= MAX_SHARDS {
             true => Ok(Shard { index, count }),
-            false => Err(Error::Settings(format!(
+            false => Err(Error::settings(format!(
                 "{index}/{count} is not a shard: the shards of N are 0/N to N-1/N, and N is at most {MAX_SHARDS}"
             ))),
         }
@@ -62,7 +62,7 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> Result<Shard> {
         let numbers = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
         let (index, count) = numbers.ok_or_else(|| {
-            Error::Settings(format!("'{text}' is not a shard: write I/N, like 0/4 for the first of four shards"))
+            Error::settings(format!("'{text}' is not a shard: write I/N, like 0/4 for the first of four shards"))
         })?;
         Shard::new(index, count)
     }

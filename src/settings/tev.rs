@@ -41,7 +41,7 @@ impl FromStr for TevAddress {
             Some(TevAddress { host: host_of(host)?.into(), port })
         });
         parts.ok_or_else(|| {
-            Error::Settings(format!(
+            Error::settings(format!(
                 "'{text}' is not the address of a tev: write HOST:PORT, like {DEFAULT_TEV}, localhost:14158 or [::1]:14158"
             ))
         })
@@ -88,7 +88,7 @@ impl<'de> Deserialize<'de> for TevAddress {
         }
         match Typed::deserialize(deserializer)? {
             Typed::Wanted(true) => DEFAULT_TEV.parse(),
-            Typed::Wanted(false) => Err(Error::Settings("tev cannot be false: remove the key".into())),
+            Typed::Wanted(false) => Err(Error::settings("tev cannot be false: remove the key")),
             Typed::Text(text) => text.parse(),
         }
         .map_err(D::Error::custom)

@@ -34,7 +34,7 @@ pub fn make(
 ) -> anyhow::Result<ExitCode> {
     if !bench.suite.errors {
         let message = "this suite measures costs only and needs no references; leave out --reference";
-        return Err(Error::Settings(message.into()).into());
+        return Err(Error::settings(message).into());
     }
     make_folder(&bench.references)?;
     let mut code = ExitCode::SUCCESS;

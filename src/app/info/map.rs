@@ -41,7 +41,7 @@ pub struct Scale {
 pub fn check(files: &[PathBuf]) -> Result<()> {
     files.iter().try_for_each(|path| match extension(path).as_str() {
         "png" | "exr" => check_writable(path),
-        _ => Err(Error::Settings(format!("the map {} must end in .png or .exr", path.display()))),
+        _ => Err(Error::settings(format!("the map {} must end in .png or .exr", path.display()))),
     })
 }
 

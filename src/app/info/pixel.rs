@@ -37,7 +37,7 @@ pub struct Object {
 pub fn crop_to(settings: &Settings, Pixel([x, y]): Pixel) -> Result<Settings> {
     let [width, height] = settings.resolution();
     if x >= width || y >= height {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "--pixel {x},{y} is outside the image of {width}x{height}; columns are 0 to {}, rows 0 to {}",
             width - 1,
             height - 1

@@ -18,7 +18,7 @@ const END_PERCENT: f64 = 99.0;
 pub fn check(path: &Path) -> Result<()> {
     match path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
         true => check_writable(path),
-        false => Err(Error::Settings(format!("the plot {} must end in .svg", path.display()))),
+        false => Err(Error::settings(format!("the plot {} must end in .svg", path.display()))),
     }
 }
 
@@ -28,7 +28,7 @@ pub fn write(path: &Path, times: Option<&TravelTimes>, missing: Option<&str>) ->
         times.and_then(|times| Some(times.histogram(times.percentile(END_PERCENT)?, PARTS))).unwrap_or_default();
     if parts.is_empty() {
         let reason = missing.unwrap_or("no light with a travel time reaches the sensor");
-        return Err(Error::Settings(format!("there is nothing to plot: {reason}")));
+        return Err(Error::settings(format!("there is nothing to plot: {reason}")));
     }
     let bar = |(gate, light): ([f64; 2], f64)| Bar { gate, light: 100.0 * light, deviation: 0.0 };
     let bars: Vec<Bar> = parts.into_iter().map(bar).collect();

@@ -19,12 +19,12 @@ pub fn check_outputs(outputs: &Outputs) -> Result<()> {
     let mut pairs = paths.iter().enumerate().flat_map(|(i, path)| paths[..i].iter().map(move |other| (path, other)));
     if let Some((path, other)) = pairs.find(|(path, other)| lies_in(path, other)) {
         if path == other {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "two outputs have the name {} (an array OUT.npy comes with a description OUT.json); choose another name",
                 path.display()
             )));
         }
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "{} and {} are links to one file, so one would replace the other; choose another name",
             other.display(),
             path.display()
@@ -33,7 +33,7 @@ pub fn check_outputs(outputs: &Outputs) -> Result<()> {
     let Some(folder) = &outputs.strategy_images else { return Ok(()) };
     strategies::check_folder(folder)?;
     match paths.iter().find(|file| lies_in(file, folder)) {
-        Some(file) => Err(Error::Settings(format!(
+        Some(file) => Err(Error::settings(format!(
             "the folder of --strategy-images is replaced as a whole, and {} would lie in this folder; choose another",
             file.display()
         ))),

@@ -27,7 +27,7 @@ use super::{Outcome, Session, check_inputs, check_outputs, failure, with_saved_r
 /// Measures all pairs of points and writes the array.
 pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
     let path = output(&experiment)?;
-    let scan = table.scan().map_err(Error::Settings)?;
+    let scan = table.scan().map_err(Error::settings)?;
     let scene_path = experiment.scene.clone().expect("the experiment names a scene");
     let has_variance = experiment.output.variance.unwrap_or(false);
     let outputs = resolve::outputs(&experiment)?;
@@ -113,14 +113,13 @@ pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> 
 fn output(experiment: &Experiment) -> Result<PathBuf> {
     let OutputTable { output, checkpoint, resume, shard, .. } = &experiment.output;
     if checkpoint.is_some() || resume.is_some() || shard.is_some() {
-        return Err(Error::Settings(
-            "a scan has no sums to keep: leave out --checkpoint, --resume and --shard, and scan fewer points per command"
-                .into(),
+        return Err(Error::settings(
+            "a scan has no sums to keep: leave out --checkpoint, --resume and --shard, and scan fewer points per command",
         ));
     }
     let files = output.clone().map_or(vec![], |files| files.0);
     match &files[..] {
         [file] if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) => Ok(file.clone()),
-        _ => Err(Error::Settings("a scan is one array: write -o OUT.npy".into())),
+        _ => Err(Error::settings("a scan is one array: write -o OUT.npy")),
     }
 }

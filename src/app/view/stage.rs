@@ -171,7 +171,7 @@ impl Stage {
         let mut merged = self.changes.clone();
         for name in changes.keys() {
             if !is_changeable(name) {
-                return Err(Error::Settings(format!(
+                return Err(Error::settings(format!(
                     "a page cannot change --{name}; restart taugate view with this flag"
                 )));
             }

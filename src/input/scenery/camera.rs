@@ -63,7 +63,7 @@ fn chosen(table: &CameraTable, scene: &Scene, notes: &mut Vec<String>) -> Result
         Some(name) => find_camera(name, scene).map(Some),
         None if !scene.cameras.is_empty() => Ok(Some(0)),
         None if !is_placed && let Some(camera) = scene.unusable_cameras.first() => {
-            Err(Error::Settings(format!("{}, or place another camera with --camera auto or --look-from", camera.why)))
+            Err(Error::settings(format!("{}, or place another camera with --camera auto or --look-from", camera.why)))
         }
         None => {
             if !is_placed {
@@ -155,18 +155,17 @@ fn aim(table: &mut CameraTable, present: &DAffine3, scene: &Scene) -> Result<DAf
     };
     let Some(forward) = direction.try_normalize() else {
         let [x, y, z] = eye.to_array();
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "the camera stands at {x},{y},{z} and looks at the same point: give another --look-from or --look-at"
         )));
     };
     let Some(Numbers(up)) = table.up else { return Ok(look(eye, forward)) };
     match DVec3::from(up).try_normalize() {
         Some(up) if up.cross(forward).length() > 1e-6 => Ok(look_upright(eye, forward, up)),
-        Some(_) => Err(Error::Settings(
+        Some(_) => Err(Error::settings(
             "--up points along the view, so it does not say where up is: give another direction, such as 0,0,1 for a \
-             camera that looks straight down"
-                .into(),
+             camera that looks straight down",
         )),
-        None => Err(Error::Settings("--up has no length: give a direction, such as 0,1,0".into())),
+        None => Err(Error::settings("--up has no length: give a direction, such as 0,1,0")),
     }
 }

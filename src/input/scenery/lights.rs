@@ -32,13 +32,13 @@ pub(super) fn apply(
     notes: &mut Vec<String>,
 ) -> Result<()> {
     for (i, table) in experiment.light.iter().enumerate() {
-        let light = table.light(i + 1).map_err(|message| Error::Settings(format!("[[light]] {}: {message}", i + 1)))?;
+        let light = table.light(i + 1).map_err(|message| Error::settings(format!("[[light]] {}: {message}", i + 1)))?;
         scene.lights.push(light);
     }
     let lamps = experiment.emitter.lamp.iter().flat_map(|lamps| &lamps.0);
     for (i, &Numbers([x, y, z, intensity])) in lamps.enumerate() {
         let lamp = point(format!("lamp-{}", i + 1), DVec3::new(x, y, z), intensity);
-        lamp.check().map_err(|message| Error::Settings(format!("--lamp: {message}")))?;
+        lamp.check().map_err(|message| Error::settings(format!("--lamp: {message}")))?;
         scene.lights.push(lamp);
     }
 
@@ -64,7 +64,7 @@ pub(super) fn apply(
     };
     table.headlamp = Some(Headlamp::Intensity(intensity));
     let lamp = point(HEADLAMP.into(), position, intensity);
-    lamp.check().map_err(|message| Error::Settings(format!("--headlamp: {message}")))?;
+    lamp.check().map_err(|message| Error::settings(format!("--headlamp: {message}")))?;
     scene.lights.push(lamp);
     if !wanted {
         notes.push(format!(
@@ -80,7 +80,7 @@ pub(super) fn apply(
 fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
     let scale = match (&table.sky, table.sky_scale) {
         (None, None) => return Ok(()),
-        (None, Some(_)) => return Err(Error::Settings("--sky-scale is for the sky: add --sky".into())),
+        (None, Some(_)) => return Err(Error::settings("--sky-scale is for the sky: add --sky")),
         (Some(_), scale) => scale.map_or(1.0, |SkyScale(factor)| factor),
     };
     let radiance = match &table.sky {
@@ -93,7 +93,7 @@ fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
     };
     let kind = LightKind::Sky { radiance };
     let light = Light { node: SKY.into(), position: DVec3::ZERO, direction: DVec3::NEG_Y, kind };
-    light.check().map_err(|message| Error::Settings(format!("--sky: {message}")))?;
+    light.check().map_err(|message| Error::settings(format!("--sky: {message}")))?;
     scene.lights.push(light);
     Ok(())
 }

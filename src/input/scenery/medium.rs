@@ -23,9 +23,8 @@ pub(super) fn apply(tables: &MediumTables, scene: &mut Scene) -> Result<()> {
     let MediumTables { one, list } = tables;
     if !list.is_empty() {
         if *one != MediumTable::default() {
-            return Err(Error::Settings(
-                "flags describe one medium, but the file has a list [[medium]]: change the list, or use [medium]"
-                    .into(),
+            return Err(Error::settings(
+                "flags describe one medium, but the file has a list [[medium]]: change the list, or use [medium]",
             ));
         }
         let named = list.iter().enumerate().map(|(i, table)| (format!("entry {} of [[medium]]", i + 1), table));
@@ -40,7 +39,7 @@ pub(super) fn apply(tables: &MediumTables, scene: &mut Scene) -> Result<()> {
         return Ok(());
     }
     if no_medium {
-        return Err(Error::Settings("--no-medium leaves no medium for the other settings: remove one of them".into()));
+        return Err(Error::settings("--no-medium leaves no medium for the other settings: remove one of them"));
     }
     scene.media = vec![checked_medium(&MediumTable { no_medium: None, ..one.clone() }, "the medium")?];
     Ok(())
@@ -50,10 +49,10 @@ pub(super) fn apply(tables: &MediumTables, scene: &mut Scene) -> Result<()> {
 fn checked_medium(table: &MediumTable, name: &str) -> Result<Medium> {
     if let Some(Bounds(corners)) = table.medium_bounds {
         // Before a grid is read: its file is not to blame.
-        check_bounds(&corners.map(DVec3::from), name, "bounds").map_err(Error::Settings)?;
+        check_bounds(&corners.map(DVec3::from), name, "bounds").map_err(Error::settings)?;
     }
-    let medium = medium(table).map_err(|message| Error::Settings(format!("{name}: {message}")))?;
-    medium.check(name).map_err(Error::Settings)?;
+    let medium = medium(table).map_err(|message| Error::settings(format!("{name}: {message}")))?;
+    medium.check(name).map_err(Error::settings)?;
     Ok(medium)
 }
 

@@ -11,7 +11,7 @@ use crate::settings::values::Resolution;
 /// Adds the laser and the sensor of `table` to the scene, aimed at their first points, and selects them in `experiment`.
 pub(super) fn apply(table: &ScanTable, experiment: &mut Experiment, scene: &mut Scene) -> Result<()> {
     check(experiment)?;
-    let scan = table.scan().map_err(|message| Error::Settings(format!("[scan]: {message}")))?;
+    let scan = table.scan().map_err(|message| Error::settings(format!("[scan]: {message}")))?;
     scene.add_camera(scan.camera(0));
     scene.lights.push(scan.light(0));
     experiment.camera.camera = Some(SENSOR.into());
@@ -40,7 +40,7 @@ fn check(experiment: &Experiment) -> Result<()> {
         ("--strategy-images", output.strategy_images.is_some(), "a scan has no image"),
     ];
     match given.iter().find(|(_, is_given, _)| *is_given) {
-        Some((what, _, why)) => Err(Error::Settings(format!("a scan cannot have {what}: {why}"))),
+        Some((what, _, why)) => Err(Error::settings(format!("a scan cannot have {what}: {why}"))),
         None => Ok(()),
     }
 }

@@ -123,7 +123,7 @@ fn read(outputs: &Outputs) -> Result<Linear> {
         (Some(path), ..) => npy_read::read(path)?,
         (_, Some(path), _) => exr_responses::read(path)?.0,
         (.., Some(path)) => accumulated::array(path)?.0,
-        (None, None, None) => return Err(Error::Settings("a sequence needs -o OUT.####.exr".into())),
+        (None, None, None) => return Err(Error::settings("a sequence needs -o OUT.####.exr")),
     };
     let mut rgb = vec![0.0; 3 * array.width * array.height];
     for response in 0..array.images() {
