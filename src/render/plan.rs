@@ -164,7 +164,7 @@ impl Plan {
     pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene, quirks: Quirks) -> Result<Plan> {
         let emitters = &prepared.emitters;
         if !emitters.has_connectable() && settings.missed_lights(scene).next().is_some() {
-            return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
+            return Err(Error::settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies() == Strategies::All;
         let choice = Choice::new(scene, settings, prepared, quirks)?;
@@ -180,7 +180,7 @@ impl Plan {
         let is_aimed = camera.projection.aims().is_some();
         let [width, height] = settings.resolution();
         if is_aimed && prepared.aims.len() != width as usize * height as usize {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "the camera '{}' aims at {} points, but the image has {width}x{height} pixels; make as many pixels as points",
                 camera.name,
                 prepared.aims.len()
@@ -244,7 +244,7 @@ impl Plan {
             plan.frame.queries = plan.frame.queries.div_ceil(2);
         }
         if !plan.aim(camera) {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "the camera '{}' is too far from the camera that the scene was prepared for; prepare the scene for this camera",
                 camera.name
             )));

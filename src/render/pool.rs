@@ -97,7 +97,7 @@ impl LightPool {
     pub fn sort(&self, plan: &Plan, stats: &mut Stats) -> Result<SortedPool> {
         let count = self.deterministic.len() + self.emitter_points.len() + self.scattered.len();
         if count > MAX_VERTICES {
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "an iteration has {count} light vertices, but at most {MAX_VERTICES} are possible; use fewer --light-paths"
             )));
         }

@@ -41,7 +41,7 @@ impl PreparedScene {
         null_boundary::check(scene)?;
         let Some(camera) = scene.cameras.get(settings.camera()) else {
             let (camera, count) = (settings.camera(), scene.cameras.len());
-            return Err(Error::Settings(format!(
+            return Err(Error::settings(format!(
                 "camera {camera} does not exist; the scene has {count} of them, numbered from 0"
             )));
         };
@@ -53,10 +53,9 @@ impl PreparedScene {
         let solids = Arc::new(Solids::new(&geometry));
         let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry, &solids);
         if emitters.table.is_empty() {
-            return Err(Error::Settings(
+            return Err(Error::settings(
                 "nothing emits light (a light of power 0 or an emissive surface without area does not count): add a light with \
-                 --headlamp, or select other nodes with --emitters"
-                    .into(),
+                 --headlamp, or select other nodes with --emitters",
             ));
         }
         let sensor = sensor(camera, settings, &space);
@@ -240,18 +239,18 @@ fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
     if let Emitters::Nodes(names) = settings.emitters()
         && let Some(unknown) = names.iter().find(|name| !exists(name))
     {
-        return Err(Error::Settings(format!(
+        return Err(Error::settings(format!(
             "the scene has no node '{unknown}', so it cannot be an emitter; check the name"
         )));
     }
     let distant = |light: &&Light| light.kind.is_distant() && settings.emitters().include(&light.node);
     match scene.lights.iter().find(distant) {
-        Some(light) if !settings.responses().are_steady() => Err(Error::Settings(format!(
+        Some(light) if !settings.responses().are_steady() => Err(Error::settings(format!(
             "the light '{}' is infinitely far away, so its light has no travel time to gate; render without a gate, or select \
              other emitters",
             light.node
         ))),
-        Some(light) if scene.media.iter().any(Medium::is_unbounded) => Err(Error::Settings(format!(
+        Some(light) if scene.media.iter().any(Medium::is_unbounded) => Err(Error::settings(format!(
             "the light '{}' is infinitely far away, so none of its light passes through a medium that fills all space; give the \
              medium bounds, or select other emitters",
             light.node
