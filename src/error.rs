@@ -3,8 +3,12 @@
 
 #![warn(missing_docs)]
 
+mod settings_error;
+
 use std::io;
 use std::path::{Path, PathBuf};
+
+pub use settings_error::SettingsError;
 
 /// An error of the library. Each variant stands for the person who can solve the problem. `Display` writes one sentence
 /// without a full stop at the end.
@@ -20,9 +24,10 @@ pub enum Error {
         message: String,
     },
 
-    /// A setting must be changed: a flag, a key of the experiment file, or an argument.
+    /// A setting must be changed: a flag, a key of the experiment file, or an argument. The error says which one, and what to do, as far
+    /// as this is known.
     #[error("{0}")]
-    Settings(String),
+    Settings(SettingsError),
 
     /// A kernel does not compile, or its bindings do not match. This is a defect of taugate.
     #[error("shader: {0}")]
@@ -92,7 +97,21 @@ impl Error {
 
     /// An [`Error::Settings`] with this message, which names the problem and the remedy.
     pub fn settings(message: impl Into<String>) -> Error {
-        Error::Settings(message.into())
+        Error::Settings(SettingsError::new(message))
+    }
+
+    /// An [`Error::Settings`] whose message is `problem` and then `remedy`. `problem` ends with its punctuation mark and a space.
+    #[doc(hidden)]
+    pub fn advice(problem: impl Into<String>, remedy: impl AsRef<str>) -> Error {
+        Error::Settings(SettingsError::advice(problem, remedy))
+    }
+
+    /// The same error about the setting with this name, without dashes, if it is an error of the settings.
+    pub(crate) fn about(self, setting: impl Into<Option<&'static str>>) -> Error {
+        match self {
+            Error::Settings(error) => Error::Settings(error.about(setting)),
+            other => other,
+        }
     }
 
     /// The same error with another message, if it is an error of the device. Other errors stay as they are.

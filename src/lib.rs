@@ -72,7 +72,7 @@ mod wgsl;
 pub use glam;
 
 pub use compare::metrics::{Comparison, compare};
-pub use error::{Error, ErrorKind, Result};
+pub use error::{Error, ErrorKind, Result, SettingsError};
 pub use gpu::{Device, DeviceInfo, DeviceKind};
 pub use image::exr_file::write_film as write_exr;
 pub use image::film::Film;

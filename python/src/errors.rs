@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use taugate::internals::printable::escaped;
-use taugate::{Error, ErrorKind};
+use taugate::{Error, ErrorKind, SettingsError};
 
 /// What can go wrong in a render.
 pub enum Failure {
@@ -30,7 +30,13 @@ impl From<PyErr> for Failure {
 impl From<Failure> for PyErr {
     fn from(failure: Failure) -> PyErr {
         match failure {
-            Failure::Library(error) => exception(name(error.kind()), error.to_string()),
+            Failure::Library(error) => {
+                let exception = exception(name(error.kind()), error.to_string());
+                if let Error::Settings(error) = &error {
+                    add_fields(&exception, error);
+                }
+                exception
+            }
             Failure::NotFinite(dropped) => exception(
                 "NotFiniteError",
                 format!("{dropped} samples were not finite, so strict=True gives no image; without it they count as 0"),
@@ -58,6 +64,18 @@ fn name(kind: ErrorKind) -> &'static str {
         ErrorKind::File => "FileError",
         _ => "Error",
     }
+}
+
+/// Adds the setting, as a keyword argument, and the remedy to a `SettingsError` of Python, if they are known.
+fn add_fields(exception: &PyErr, error: &SettingsError) {
+    Python::attach(|py| {
+        let setting = error.setting().map(|name| name.replace('-', "_"));
+        for (field, value) in [("setting", setting), ("remedy", error.remedy().map(|text| escaped(text).into_owned()))]
+        {
+            // Without the field, the exception still has its message.
+            let _ = exception.value(py).setattr(field, value);
+        }
+    });
 }
 
 /// The exception `name` of `taugate._errors`. The message may name files and keys, so control characters in it are escaped.

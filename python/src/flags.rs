@@ -8,8 +8,9 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::missing;
 use taugate::internals::settings::setting::{Form, Setting, Taker, Value, Visitor};
 use taugate::internals::settings::table::{self, excluding};
+use taugate::{Error, SettingsError};
 
-use crate::errors::{Result, settings};
+use crate::errors::Result;
 
 /// The name of a flag without its dashes, and its words: one for each time that the user would type the flag.
 pub type Words = (String, Vec<String>);
@@ -19,15 +20,14 @@ pub fn experiment(flags: &[Words]) -> Result<Experiment> {
     for (k, (name, _)) in flags.iter().enumerate() {
         let earlier = |name: &str| flags[..k].iter().any(|(other, _)| other == name);
         if let Some(other) = excluding(name).find(|other| earlier(other)) {
-            return Err(settings(format!("--{name} cannot be used with --{other}; keep one")));
+            return Err(Error::advice(format!("--{name} cannot be used with --{other}; "), "keep one").into());
         }
     }
     let mut experiment = Experiment::default();
     for (name, words) in flags {
         let mut set = Set { name, words, found: None };
         experiment.visit(&mut set);
-        let found = set.found.unwrap_or_else(|| Err(format!("there is no setting --{name}")));
-        found.map_err(settings)?;
+        set.found.unwrap_or_else(|| Err(format!("there is no setting --{name}").into())).map_err(Error::from)?;
     }
     Ok(experiment)
 }
@@ -35,7 +35,7 @@ pub fn experiment(flags: &[Words]) -> Result<Experiment> {
 struct Set<'a> {
     name: &'a str,
     words: &'a [String],
-    found: Option<std::result::Result<(), String>>,
+    found: Option<taugate::Result<(), SettingsError>>,
 }
 
 impl Visitor for Set<'_> {
@@ -43,21 +43,21 @@ impl Visitor for Set<'_> {
         if setting.name != self.name {
             return;
         }
-        let parse = |word: &String| T::parse(OsStr::new(word)).map_err(|message| wrong(setting, word, &message));
-        let values: std::result::Result<Vec<T>, String> = self.words.iter().map(parse).collect();
+        let parse = |word: &String| T::parse(OsStr::new(word)).map_err(|error| wrong(setting, word, error));
+        let values: taugate::Result<Vec<T>, SettingsError> = self.words.iter().map(parse).collect();
         self.found = Some(values.map(|values| *slot = values.into_iter().reduce(T::and)));
     }
 }
 
 /// The message of the command line about a word that is not a valid value of a flag.
-fn wrong(setting: &Setting, word: &str, message: &str) -> String {
+fn wrong(setting: &'static Setting, word: &str, error: SettingsError) -> SettingsError {
     let flag = match (setting.form, setting.value) {
         (Form::Switch, _) | (_, "") => format!("--{}", setting.name),
         (Form::Optional { equals: false, .. }, value) => format!("--{} [<{value}>]", setting.name),
         (Form::Optional { equals: true, .. }, value) => format!("--{}[=<{value}>]", setting.name),
         (_, value) => format!("--{} <{value}>", setting.name),
     };
-    format!("invalid value '{word}' for '{flag}': {message}")
+    error.after(&format!("invalid value '{word}' for '{flag}': ")).about(setting.name)
 }
 
 /// The settings of a render by name. Each has four entries. The first says how its flag takes values: `value`, `repeated`, `switch`, or

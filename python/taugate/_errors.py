@@ -18,7 +18,14 @@ class Error(Exception):
 
 
 class SettingsError(Error, ValueError):
-    """A keyword argument has a wrong value."""
+    """A keyword argument has a wrong value.
+
+    ``setting`` is the keyword argument to change, and ``remedy`` says what to do. Both are ``None`` if they are not known; the message always
+    has all that is known.
+    """
+
+    setting: Optional[str] = None
+    remedy: Optional[str] = None
 
 
 class SceneError(Error, ValueError):

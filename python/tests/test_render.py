@@ -134,8 +134,15 @@ def test_mistakes_of_python_are_explained(box):
         taugate.render(box, gte="1m..2m")
     with pytest.raises(TypeError, match="no setting 'output'"):
         taugate.render(box, output="x.exr")
-    with pytest.raises(taugate.SettingsError, match="cannot be used with"):
+    with pytest.raises(taugate.SettingsError, match="cannot be used with") as caught:
         taugate.render(box, gate="1m..2m", depth="1m..2m")
+    assert (caught.value.setting, caught.value.remedy) == ("depth", "keep one")
+    with pytest.raises(taugate.SettingsError, match="invalid value '200' for '--fov") as caught:
+        taugate.render(box, fov=200)
+    assert (caught.value.setting, caught.value.remedy) == ("fov", "write degrees between 0 and 180, like 40")
+    with pytest.raises(taugate.SettingsError, match="--max-depth is 0; it must be") as caught:
+        taugate.render(box, max_depth=0)
+    assert caught.value.setting == "max_depth" and caught.value.remedy.startswith("it must be from 1 to ")
     with pytest.raises(taugate.SettingsError, match="use taugate.histogram"):
         taugate.render(box, gates="5m..9m/8")
     with pytest.raises(taugate.SettingsError, match="needs gates"):

@@ -22,7 +22,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     if let Some(max) = args.max_relmse
         && (max.is_nan() || max < 0.0)
     {
-        return Err(Error::settings(format!("--max-relmse is {max}; it must be 0 or more, such as 0.05")).into());
+        return Err(Error::advice(format!("--max-relmse is {max}; "), "it must be 0 or more, such as 0.05").into());
     }
     let mut is_array = false;
     for path in [&args.image, &args.reference] {

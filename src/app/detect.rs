@@ -45,7 +45,7 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     let input = Input::read(&args.input)?;
     let light = &input.light;
     if png.is_some() && light.size().is_none() {
-        return Err(Error::settings("--png needs images, but the light is a scan; leave out --png").into());
+        return Err(Error::advice("--png needs images, but the light is a scan; ", "leave out --png").into());
     }
     detector.check_gates(light.bins(), args.background.is_some())?;
     let background = background(args.background.as_deref(), &input)?;
@@ -113,7 +113,7 @@ fn detector(args: &DetectArgs) -> Result<Detector, Error> {
 /// The file of --png. Fails if it has another extension or cannot be written.
 fn picture_path(args: &DetectArgs) -> Result<Option<PathBuf>, Error> {
     let path = match &args.png {
-        None if args.exposure.is_some() => return Err(Error::settings("--exposure is for the picture: add --png")),
+        None if args.exposure.is_some() => return Err(Error::advice("--exposure is for the picture: ", "add --png")),
         None => return Ok(None),
         Some(None) => args.output.with_extension("png"),
         Some(Some(path)) if has_extension(path, "png") => path.clone(),
@@ -143,9 +143,10 @@ fn background(text: Option<&str>, input: &Input) -> Result<Vec<[f32; 3]>, Error>
     if !has_extension(path, "exr") {
         let radiance = text.parse().ok().filter(|x: &f32| x.is_finite() && *x >= 0.0);
         let radiance = radiance.ok_or_else(|| {
-            Error::settings(format!(
-                "'{text}' is no background; give a radiance in W/(m^2 sr), 0 or more, or an image (.exr)"
-            ))
+            Error::advice(
+                format!("'{text}' is no background; "),
+                "give a radiance in W/(m^2 sr), 0 or more, or an image (.exr)",
+            )
         })?;
         return Ok(vec![[radiance; 3]; pixels]);
     }

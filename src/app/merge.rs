@@ -129,9 +129,10 @@ fn keep_layers(layers: &mut Layers, wanted: Aov) -> Result<()> {
         false => layers.keep(wanted).err(),
     };
     missing.map_or(Ok(()), |name| {
-        Err(Error::settings(format!(
-            "the sums have no layer {name}: make it with taugate render --resume SUMS.acc --aov {name} -o OUT.exr"
-        )))
+        Err(Error::advice(
+            format!("the sums have no layer {name}: "),
+            format!("make it with taugate render --resume SUMS.acc --aov {name} -o OUT.exr"),
+        ))
     })
 }
 

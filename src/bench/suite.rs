@@ -169,9 +169,10 @@ impl Suite {
 
     /// Like [`Suite::read`], for a file at `path` with this text.
     pub fn parse(path: &Path, text: String) -> Result<Suite> {
-        let file: File = from_toml(&text, |_| None).map_err(|(span, message)| located(path, &text, &span, &message))?;
+        let file: File =
+            from_toml(&text, |_| None).map_err(|(span, mistake)| located(path, &text, &span, &mistake.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let parts = parts(file, folder).map_err(|(span, message)| located(path, &text, &span, &message))?;
+        let parts = parts(file, folder).map_err(|(span, mistake)| located(path, &text, &span, &mistake.to_string()))?;
         let (about, seconds, repetitions, errors, scenes, variants) = parts;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Suite { path: path.into(), name, about, seconds, repetitions, errors, scenes, variants, text })

@@ -123,9 +123,10 @@ impl Pair {
 /// batches.
 pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agreement> {
     if let Some(few) = [a.len(), b.len()].into_iter().find(|&n| n < MIN_BATCHES) {
-        return Err(Error::settings(format!(
-            "the noise of an image with {few} iterations is unknown; render both with at least {MIN_BATCHES} (--spp 16)"
-        )));
+        return Err(Error::advice(
+            format!("the noise of an image with {few} iterations is unknown; "),
+            format!("render both with at least {MIN_BATCHES} (--spp 16)"),
+        ));
     }
     let [width, height] = size.map(|side| side as usize);
     let grid = a.grid();

@@ -40,8 +40,9 @@ impl HistogramComparison {
         let light: Vec<f64> = (0..gates).map(|k| sum(&reference(k))).collect();
         let brightest = light.iter().copied().fold(0.0, f64::max);
         if brightest == 0.0 {
-            return Err(Error::settings(
-                "all gates of the reference are black, so a relative error is undefined; choose gates in which light arrives",
+            return Err(Error::advice(
+                "all gates of the reference are black, so a relative error is undefined; ",
+                "choose gates in which light arrives",
             ));
         }
         let is_compared = |k: &usize| light[*k] >= MIN_LIGHT * brightest;

@@ -87,8 +87,9 @@ pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
     let mean_of = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>() / n;
     let (mean, reference_mean) = (mean_of(image), mean_of(reference));
     if reference_mean == 0.0 {
-        return Err(Error::settings(
-            "the reference is black (its mean is 0), so a relative error is undefined; choose a gate in which light arrives",
+        return Err(Error::advice(
+            "the reference is black (its mean is 0), so a relative error is undefined; ",
+            "choose a gate in which light arrives",
         ));
     }
 

@@ -169,8 +169,9 @@ pub fn counts(detector: &Detector, light: &Light, background: &[[f32; 3]], mono:
     let mut counts = vec![0.0; pixels.len() * per_pixel];
     counts.par_chunks_mut(per_pixel).enumerate().for_each(count_pixel);
     if counts.iter().any(|count| !count.is_finite()) {
-        return Err(Error::settings(
-            "counts exceed the largest number of the output, 3e38; lower --photons or --pulses",
+        return Err(Error::advice(
+            "counts exceed the largest number of the output, 3e38; ",
+            "lower --photons or --pulses",
         ));
     }
     match light.size() {

@@ -69,7 +69,7 @@ impl Bins {
     pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
         match !gates.is_empty() && gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi) {
             true => Ok(Bins { integrals: gates.iter().map(|[lo, hi]| hi - lo).collect(), gates, period: None }),
-            false => Err(Error::settings("a detector needs gates that end after they begin; render the light again")),
+            false => Err(Error::advice("a detector needs gates that end after they begin; ", "render the light again")),
         }
     }
 
@@ -83,8 +83,9 @@ impl Bins {
     pub fn weighted(self, integrals: Vec<f64>) -> Result<Bins> {
         match integrals.iter().all(|&integral| 0.0 <= integral) {
             true => Ok(Bins { integrals, ..self }),
-            false => Err(Error::settings(
-                "the integral of the weights of a gate is negative or not a number; render the light again",
+            false => Err(Error::advice(
+                "the integral of the weights of a gate is negative or not a number; ",
+                "render the light again",
             )),
         }
     }
@@ -113,10 +114,10 @@ impl Detector {
         match numbers.into_iter().find(|(_, x, max)| !(0.0..=*max).contains(x)) {
             None => Ok(()),
             Some((name, x, max)) if max < 1e9 => {
-                Err(Error::settings(format!("--{name} is {x}; it must be from 0 to {max}")))
+                Err(Error::advice(format!("--{name} is {x}; "), format!("it must be from 0 to {max}")))
             }
             Some((name, x, _)) => {
-                Err(Error::settings(format!("--{name} is {x}; it must be a finite number, 0 or more")))
+                Err(Error::advice(format!("--{name} is {x}; "), "it must be a finite number, 0 or more"))
             }
         }
     }
@@ -138,9 +139,9 @@ impl Detector {
             )));
         }
         if (has_background || self.dark_rate > 0.0) && bins.integrals.iter().any(|integral| integral.is_infinite()) {
-            return Err(Error::settings(
-                "a gate without an end collects daylight and dark counts for an unknown time; leave out --background and \
-                 --dark-counts, or render gates that end",
+            return Err(Error::advice(
+                "a gate without an end collects daylight and dark counts for an unknown time; ",
+                "leave out --background and --dark-counts, or render gates that end",
             ));
         }
         Ok(())
@@ -202,10 +203,12 @@ impl Detector {
     pub fn check_draws(draws: f64) -> Result<()> {
         match draws <= MAX_DRAWS {
             true => Ok(()),
-            false => Err(Error::settings(format!(
-                "the counts with a dead time need {draws:.1e} random numbers, and the maximum is {MAX_DRAWS:e}; lower --pulses, or use \
-                 --first-photon instead of --dead-time"
-            ))),
+            false => Err(Error::advice(
+                format!(
+                    "the counts with a dead time need {draws:.1e} random numbers, and the maximum is {MAX_DRAWS:e}; "
+                ),
+                "lower --pulses, or use --first-photon instead of --dead-time",
+            )),
         }
     }
 

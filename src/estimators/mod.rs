@@ -275,7 +275,7 @@ impl FromStr for Estimator {
     fn from_str(text: &str) -> Result<Estimator> {
         Estimator::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
             let names = Estimator::ALL.map(Estimator::name);
-            Error::settings(format!("no estimator is called '{text}': choose {}", any_of(&names)))
+            Error::advice(format!("no estimator is called '{text}': "), format!("choose {}", any_of(&names)))
         })
     }
 }

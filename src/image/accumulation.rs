@@ -192,9 +192,10 @@ impl Accumulation {
     pub fn merge(&mut self, name: &str, other: &Accumulation, other_name: &str) -> Result<()> {
         self.about.check_same_render(name, &other.about, other_name)?;
         if let Some(common) = self.about.iterations.common(&other.about.iterations) {
-            return Err(Error::settings(format!(
-                "{other_name} has iteration {common}, which is already in {name}; merge every part once"
-            )));
+            return Err(Error::advice(
+                format!("{other_name} has iteration {common}, which is already in {name}; "),
+                "merge every part once",
+            ));
         }
         self.film.merge(&other.film);
         if let (Some(film), Some(other)) = (&mut self.responses, &other.responses) {

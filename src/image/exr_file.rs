@@ -76,15 +76,17 @@ pub fn write_film(
     let [width, height] = [settings.crop().width(), settings.crop().height()];
     let (expected, count) = (settings.responses().len(), images.map_or(1, ResponseFilm::responses));
     if expected != count {
-        return Err(Error::settings(format!(
-            "the number of responses is {expected} in the settings, but {count} in the images; pass Renderer::responses of this render"
-        )));
+        return Err(Error::advice(
+            format!("the number of responses is {expected} in the settings, but {count} in the images; "),
+            "pass Renderer::responses of this render",
+        ));
     }
     let has_size = |images: &ResponseFilm| images.pixels() as u64 == u64::from(width) * u64::from(height);
     if (film.width(), film.height()) != (width, height) || !images.is_none_or(has_size) {
-        return Err(Error::settings(format!(
-            "the images do not have the size of the crop, {width}x{height}; give the settings of their render"
-        )));
+        return Err(Error::advice(
+            format!("the images do not have the size of the crop, {width}x{height}; "),
+            "give the settings of their render",
+        ));
     }
     let provenance = Provenance::new(settings, elapsed.as_secs_f64(), settings.to_tables().to_toml());
     write_responses(path, film, images, &provenance, &Layers::default())

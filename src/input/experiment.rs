@@ -65,7 +65,7 @@ impl Experiment {
             fail("this is not text in UTF-8; give an experiment (.toml) or a scene (.glb, .gltf)".into())
         })?;
         let mut experiment = Experiment::parse(&text)
-            .map_err(|e| Error::settings(format!("{}:{}:{}: {}", path.display(), e.line, e.column, e.message)))?;
+            .map_err(|e| e.mistake.after(&format!("{}:{}:{}: ", path.display(), e.line, e.column)))?;
 
         experiment.scene.take_if(|name| name.as_os_str().is_empty());
         experiment.visit(&mut WithoutEmptyNames);

@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 
 use serde_json::Value as Json;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, SettingsError};
 use crate::input::experiment::Experiment;
 use crate::settings::missing;
 use crate::settings::setting::{Form, LeaveOut, Setting, Value, Visitor};
@@ -70,13 +70,13 @@ impl Visitor for Set<'_> {
                 *slot = value;
                 Ok(())
             }
-            Err(message) => Err(Error::settings(format!("--{}: {message}", self.name))),
+            Err(error) => Err(error.after(&format!("--{}: ", self.name)).into()),
         });
     }
 }
 
-fn parse_all<'a, T: Value>(words: impl Iterator<Item = &'a str>) -> std::result::Result<Option<T>, String> {
-    let values: Vec<T> = words.map(|word| T::parse(OsStr::new(word))).collect::<std::result::Result<_, _>>()?;
+fn parse_all<'a, T: Value>(words: impl Iterator<Item = &'a str>) -> Result<Option<T>, SettingsError> {
+    let values: Vec<T> = words.map(|word| T::parse(OsStr::new(word))).collect::<Result<_, _>>()?;
     Ok(values.into_iter().reduce(T::and))
 }
 

@@ -6,6 +6,7 @@ use serde::de::DeserializeOwned;
 use serde_path_to_error::{Path, Segment};
 
 use super::scan_table;
+use crate::error::SettingsError;
 use crate::settings::missing;
 use crate::settings::table::find;
 
@@ -14,10 +15,12 @@ use crate::settings::table::find;
 pub fn from_toml<T: DeserializeOwned>(
     text: &str,
     home: impl Fn(&str) -> Option<Home>,
-) -> Result<T, (Range<usize>, String)> {
+) -> Result<T, (Range<usize>, SettingsError)> {
     let fail = |error: &toml::de::Error, place: Place| {
         let message = error.message().replace('\n', ", ");
-        (error.span().unwrap_or(0..0), place.explain(&message, &home).unwrap_or(message))
+        let mistake =
+            place.explain(&message, &home).unwrap_or_else(|| SettingsError::new(message).about(place.setting()));
+        (error.span().unwrap_or(0..0), mistake)
     };
     let deserializer = toml::Deserializer::parse(text).map_err(|e| fail(&e, Place::default()))?;
     serde_path_to_error::deserialize(deserializer).map_err(|e| fail(e.inner(), Place::new(e.path())))
@@ -42,7 +45,12 @@ impl Place {
         Place(names)
     }
 
-    fn explain(&self, message: &str, home: impl Fn(&str) -> Option<Home>) -> Option<String> {
+    /// The setting whose value is wrong.
+    fn setting(&self) -> Option<&'static str> {
+        self.0.last().and_then(|(key, _)| find(&key.replace('_', "-"))).map(|setting| setting.name)
+    }
+
+    fn explain(&self, message: &str, home: impl Fn(&str) -> Option<Home>) -> Option<SettingsError> {
         let table = table(&self.0);
         if let Some((key, names)) = quoted(message, "unknown field ") {
             let table = match self.0.split_last() {
@@ -50,34 +58,38 @@ impl Place {
                 _ => table,
             };
             let home = home(key).filter(|(home, _)| format!("[{home}]") != table);
-            return Some(match (home, missing::reason(key)) {
-                (Some(("", _)), _) => {
-                    format!("{table} has no key {key}: it belongs at the top of the file, before all tables")
-                }
-                (Some((home, name)), _) if name == key => format!("{table} has no key {key}: it belongs to [{home}]"),
-                (Some((home, name)), _) => format!("{table} has no key {key}: it belongs to [{home}], as {name}"),
-                (None, Some(reason)) => format!("{table} has no key {key}: {reason}"),
-                (None, None) => format!("{table} has no key {key}: choose one of {}", list(names)),
-            });
+            let remedy = match (home, missing::reason(key)) {
+                (Some(("", _)), _) => "it belongs at the top of the file, before all tables".into(),
+                (Some((home, name)), _) if name == key => format!("it belongs to [{home}]"),
+                (Some((home, name)), _) => format!("it belongs to [{home}], as {name}"),
+                (None, Some(reason)) => reason.into(),
+                (None, None) => format!("choose one of {}", list(names)),
+            };
+            let mistake = SettingsError::advice(format!("{table} has no key {key}: "), remedy);
+            return Some(mistake.about(find(key).map(|setting| setting.name)));
         }
         if let Some((key, _)) = quoted(message, "duplicate field ") {
             let old = find(key).and_then(|setting| setting.old_key);
             let names = old.map_or(String::new(), |old| format!(" ({old} is an old name of it)"));
-            return Some(format!("{table} has the key {key} twice{names}: remove one"));
+            let mistake = SettingsError::advice(format!("{table} has the key {key} twice{names}: "), "remove one");
+            return Some(mistake.about(find(key).map(|setting| setting.name)));
         }
         if let Some((key, _)) = quoted(message, "missing field ") {
-            return Some(format!("{table} needs the key {key}"));
+            return Some(format!("{table} needs the key {key}").into());
         }
         let ((key, _), outer) = self.0.split_last().filter(|((_, is_list), _)| !is_list)?;
+        let setting = self.setting();
         if let Some((word, names)) = quoted(message, "unknown variant ") {
-            return Some(format!("{key} cannot be \"{word}\": choose one of {}", list(names)));
+            let problem = format!("{key} cannot be \"{word}\": ");
+            return Some(SettingsError::advice(problem, format!("choose one of {}", list(names))).about(setting));
         }
         if let Some(wanted) = message.strip_prefix("expected ") {
-            return Some(format!("{key} must be {wanted}"));
+            return Some(SettingsError::new(format!("{key} must be {wanted}")).about(setting));
         }
         let wrong = message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))?;
         let (found, wanted) = wrong.split_once(", expected ")?;
-        Some(format!("{key} is {}, but must be {}", found_value(found), wanted_value(wanted, key, outer.is_empty())))
+        let wanted = wanted_value(wanted, key, outer.is_empty());
+        Some(SettingsError::new(format!("{key} is {}, but must be {wanted}", found_value(found))).about(setting))
     }
 }
 
@@ -199,7 +211,7 @@ mod tests {
             ("scene = 3", "scene is the number 3, but must be text in quotation marks"),
         ];
         for (text, part) in tables {
-            let message = Experiment::parse(text).unwrap_err().message;
+            let message = Experiment::parse(text).unwrap_err().mistake.to_string();
             assert!(message.contains(part), "{text}: {message}");
             assert!(
                 !["struct ", "u32", "f64", "field", "sequence", "boolean", "invalid type"]
@@ -231,10 +243,12 @@ mod tests {
             [Some(setting.name), setting.old_key].into_iter().flatten().map(|key| (setting.table, key))
         });
         let all: Vec<_> = settings.chain(scan_table::KEYS.map(|key| ("scan", key))).chain([("", "scene")]).collect();
-        let message = |header: &str, key: &str| {
+        let mistake = |header: &str, key: &str| {
             let text = format!("{header}\n{key} = true\n");
-            Experiment::parse(&text).map_or_else(|error| error.message, |_| String::new())
+            Experiment::parse(&text).err().map(|error| error.mistake)
         };
+        let message =
+            |header: &str, key: &str| mistake(header, key).map_or(String::new(), |mistake| mistake.to_string());
         let mut count = 0;
         for (table, key) in &all {
             for header in headers.iter().filter(|header| header.trim_matches(['[', ']']) != *table) {
@@ -260,6 +274,9 @@ mod tests {
                 let there = message(&format!("[{table}]"), name);
                 assert!(!there.contains("has no key"), "{header} {key}: {there}");
                 assert!(home_of(name) == Some((table, name)), "{key}: {name} is the present name");
+                let mistake = mistake(header, key).unwrap();
+                assert_eq!(mistake.remedy(), Some(&*format!("it belongs {remedy}")));
+                assert_eq!(mistake.setting(), find(key).map(|setting| setting.name));
             }
         }
         assert!(count > 1000, "{count} places");

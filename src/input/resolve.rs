@@ -139,11 +139,13 @@ pub fn is_fine(gate: &Gate, scene: &Scene, settings: &Settings) -> bool {
 fn gate_warning(gate: &Gate, unseen: f64, table: &GateTable) -> Result<Option<String>> {
     match gate.precision(unseen) {
         GatePrecision::Fine => Ok(None),
-        GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => Err(Error::settings(format!(
-            "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness may be wrong by more than 6 %; make the \
-             gate wider, or add --force",
-            gate.describe()
-        ))),
+        GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => Err(Error::advice(
+            format!(
+                "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness may be wrong by more than 6 %; ",
+                gate.describe()
+            ),
+            "make the gate wider, or add --force",
+        )),
         GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Ok(Some(format!(
             "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",
             gate.describe(),
@@ -164,7 +166,8 @@ pub(super) fn find_camera(name: &str, scene: &Scene) -> Result<usize> {
             return Error::settings(&unusable.why);
         }
         let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).chain(["auto"]).collect();
-        Error::settings(format!("no camera is called '{name}'; choose one of {}", list(&names)))
+        Error::advice(format!("no camera is called '{name}'; "), format!("choose one of {}", list(&names)))
+            .about("camera")
     })
 }
 
@@ -203,7 +206,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, is_steady: bool, warnings: &mut
         // A list with the one word `scene` means the same as the word alone, unless a node has this name.
         Emitters::Nodes(names) if names == ["scene"] && !candidates.contains(&"scene") => Emitters::Scene,
         Emitters::Nodes(names) if names.is_empty() => {
-            return Err(Error::settings(format!("no emitter is selected; choose from {}", list(&candidates))));
+            return Err(Error::advice("no emitter is selected; ", format!("choose from {}", list(&candidates))).about("emitters"));
         }
         Emitters::Nodes(names) => Emitters::Nodes(whole_names(&names, &candidates).map_err(|unknown| {
             let candidates = list(&candidates);
@@ -231,9 +234,10 @@ fn emitters(table: &EmitterTable, scene: &Scene, is_steady: bool, warnings: &mut
         [] => "add a light that has a position (--headlamp, --lamp)".to_string(),
         _ => format!("choose other lights with --emitters from {}", list(&positioned)),
     };
-    Err(Error::settings(format!(
-        "the light '{first}' is infinitely far away, so its light has no travel time to gate; render without a gate, or {remedy}"
-    )))
+    Err(Error::advice(
+        format!("the light '{first}' is infinitely far away, so its light has no travel time to gate; "),
+        format!("render without a gate, or {remedy}"),
+    ))
 }
 
 /// The candidates that `typed` names, in order. `typed` was split at its commas. A node's name may contain commas, so several

@@ -91,7 +91,7 @@ mod tests {
             ("gte = '1m..2m'", "has no key gte: choose one of name, gate, depth, shape"),
         ] {
             let error = Experiment::parse(&format!("[[response]]\n{keys}\n")).unwrap_err();
-            assert!(error.message.contains(part), "{keys}: {error}");
+            assert!(error.mistake.to_string().contains(part), "{keys}: {error}");
         }
     }
 }

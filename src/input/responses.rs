@@ -27,8 +27,9 @@ pub fn chosen(table: &GateTable) -> Result<Responses> {
     let of_one_pulse = of_one_pulse(table)?;
     match table.repeat {
         None => Ok(of_one_pulse),
-        Some(_) if of_one_pulse.support().hi.is_infinite() => Err(Error::settings(
-            "--repeat needs gates with an end, which it repeats: add --gate A..B or --gates A..B/N",
+        Some(_) if of_one_pulse.support().hi.is_infinite() => Err(Error::advice(
+            "--repeat needs gates with an end, which it repeats: ",
+            "add --gate A..B or --gates A..B/N",
         )),
         Some(period) => Ok(of_one_pulse.repeated(period.0)),
     }
@@ -49,15 +50,17 @@ fn of_one_pulse(table: &GateTable) -> Result<Responses> {
             }
         }
         all if all.iter().all(ResponseSpec::has_own_gate) && (gate.is_some() || table.gates.is_some()) => {
-            return Err(Error::settings(
-                "every --response has a gate of its own, so another gate has no effect: remove --gate, --depth or --gates",
+            return Err(Error::advice(
+                "every --response has a gate of its own, so another gate has no effect: ",
+                "remove --gate, --depth or --gates",
             ));
         }
         _ => {}
     }
     if table.gates.is_some() {
-        return Err(Error::settings(
-            "--gates takes one --response, such as gauss:0.1m, for the edges of all gates; give other responses without --gates",
+        return Err(Error::advice(
+            "--gates takes one --response, such as gauss:0.1m, for the edges of all gates; ",
+            "give other responses without --gates",
         ));
     }
     let list = specs.iter().map(|spec| response(spec, gate)).collect::<Result<_>>()?;
@@ -74,9 +77,10 @@ fn response(spec: &ResponseSpec, gate: Option<Gate>) -> Result<Response> {
                 Edge::Gauss(_) => "gauss",
             };
             let gate = own.or(gate).ok_or_else(|| {
-                Error::settings(format!(
-                    "the response {spec} has no gate: add --gate A..B, or write it like {kind}:10m..11m,0.1m"
-                ))
+                Error::advice(
+                    format!("the response {spec} has no gate: "),
+                    format!("add --gate A..B, or write it like {kind}:10m..11m,0.1m"),
+                )
             })?;
             Ok(Response::new(spec.name.as_deref().unwrap_or(kind), gate, *edge))
         }

@@ -56,7 +56,7 @@ impl Sequence {
                 ("gate-keys", keys.is_some()),
             ];
             if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
-                return Err(Error::settings(format!("--{name} is for a sequence: add --frames A..B")));
+                return Err(Error::advice(format!("--{name} is for a sequence: "), "add --frames A..B"));
             }
             return check_still(&experiment.output).map(|()| None);
         };
@@ -73,13 +73,13 @@ impl Sequence {
             ));
         }
         if output.strategy_images.is_some() {
-            return Err(Error::settings("--strategy-images needs a single frame: render it alone, with --at"));
+            return Err(Error::advice("--strategy-images needs a single frame: ", "render it alone, with --at"));
         }
         if let Some((_, path)) = patterns(output).find(|(_, path)| numbered(path, 0).is_none()) {
-            return Err(Error::settings(format!(
-                "{} would be replaced by every frame: write the number of the frame as #, like out.####.exr",
-                path.display()
-            )));
+            return Err(Error::advice(
+                format!("{} would be replaced by every frame: ", path.display()),
+                "write the number of the frame as #, like out.####.exr",
+            ));
         }
         let exposure = output.exposure.unwrap_or_default();
         if (contact_sheet.is_some() || gif.is_some()) && !has_pictures(output) {
@@ -89,9 +89,9 @@ impl Sequence {
         let (frames, fps) = (frames.0, fps.unwrap_or(DEFAULT_FPS));
         let end = end()?;
         if end.is_none() && keys.is_none() {
-            return Err(Error::settings(
-                "no node of the scene is animated and the gate does not move, so all frames would be the same: add \
-                 --gate-keys FRAME=A..B",
+            return Err(Error::advice(
+                "no node of the scene is animated and the gate does not move, so all frames would be the same: ",
+                "add --gate-keys FRAME=A..B",
             ));
         }
         Ok(Some(Sequence { experiment, frames, shard, fps, keys, end, contact_sheet, gif, exposure }))
@@ -178,10 +178,10 @@ fn patterns(output: &OutputTable) -> impl Iterator<Item = (&'static str, &PathBu
 fn check_still(output: &OutputTable) -> Result<()> {
     let Some((flag, path)) = patterns(output).find(|(_, path)| is_for_frames(path)) else { return Ok(()) };
     let extension = path.extension().unwrap_or_default().display();
-    Err(Error::settings(format!(
-        "{} is a name for the frames of a sequence: give {flag} OUT.{extension} instead, a name without #, or add --frames A..B",
-        path.display()
-    )))
+    Err(Error::advice(
+        format!("{} is a name for the frames of a sequence: ", path.display()),
+        format!("give {flag} OUT.{extension} instead, a name without #, or add --frames A..B"),
+    ))
 }
 
 /// Whether the file can only be meant for the frames of a sequence. A # before a digit, as in the camera `eye#2`, belongs to a name.
@@ -230,22 +230,23 @@ fn moment(number: u32, fps: u32, end: f64, gate_moves: bool) -> Moment {
 /// if an output needs the frames of other shards.
 fn check_restartable(output: &OutputTable) -> Result<()> {
     if output.checkpoint.is_some() || output.resume.is_some() {
-        return Err(Error::settings(
-            "finished frames are always kept, and the same command continues after them: leave out --checkpoint and --resume",
+        return Err(Error::advice(
+            "finished frames are always kept, and the same command continues after them: ",
+            "leave out --checkpoint and --resume",
         ));
     }
     let names = output.output.iter().flat_map(|files| &files.0);
     if names.clone().next().is_some() && names.clone().all(|path| is_picture(path)) {
-        return Err(Error::settings(
-            "a PNG does not record its settings, so a restarted sequence could not tell which frames are finished: add -o \
-             OUT.####.exr",
+        return Err(Error::advice(
+            "a PNG does not record its settings, so a restarted sequence could not tell which frames are finished: ",
+            "add -o OUT.####.exr",
         ));
     }
     let is_part = output.shard.is_some_and(|shard| !shard.is_all());
     if is_part && (output.contact_sheet.is_some() || output.gif.is_some()) {
-        return Err(Error::settings(
-            "a shard does not have all frames: leave out --contact-sheet and --gif, and add them to the same command without \
-             --shard after the last shard",
+        return Err(Error::advice(
+            "a shard does not have all frames: ",
+            "leave out --contact-sheet and --gif, and add them to the same command without --shard after the last shard",
         ));
     }
     Ok(())

@@ -87,7 +87,7 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
     if let Some(gate) = times.and_then(|t| suggestion(t, scene, settings, MEDIAN)) {
         message += &format!("; try --gate {gate}");
     }
-    Error::settings(format!("{message} (--force renders anyway)"))
+    Error::settings(format!("{message} (--force renders anyway)")).about("gate")
 }
 
 /// The percentile of the suggested gate.

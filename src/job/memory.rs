@@ -36,14 +36,16 @@ pub fn check(settings: &Settings, parts: ImageParts, free: Option<u64>) -> Resul
     if needed <= free {
         return Ok(());
     }
-    Err(Error::settings(format!(
-        "the images of {count} gates of {}x{} pixels need {:.1} GiB of memory, but only {:.1} GiB are free; use fewer gates, \
-         a smaller --resolution, or --crop",
-        crop.width(),
-        crop.height(),
-        needed as f64 / GIB,
-        free as f64 / GIB
-    )))
+    Err(Error::advice(
+        format!(
+            "the images of {count} gates of {}x{} pixels need {:.1} GiB of memory, but only {:.1} GiB are free; ",
+            crop.width(),
+            crop.height(),
+            needed as f64 / GIB,
+            free as f64 / GIB
+        ),
+        "use fewer gates, a smaller --resolution, or --crop",
+    ))
 }
 
 /// Fails if `bytes` is more than `free`, the bytes of free memory. Does nothing if `free` is `None`. The message says

@@ -72,8 +72,9 @@ impl Job {
             ));
         }
         if Sequence::new(&experiment, || Ok(Some(0.0)))?.is_some() {
-            return Err(Error::settings(
-                "this experiment is a sequence of frames; remove frames, and choose one of them with at",
+            return Err(Error::advice(
+                "this experiment is a sequence of frames; ",
+                "remove frames, and choose one of them with at",
             ));
         }
         let scene = read::scene(&experiment)?;
@@ -86,10 +87,10 @@ impl Job {
     pub fn of_scene(scene: Scene, settings: &Settings) -> Result<Job> {
         let camera = settings.camera();
         if camera >= scene.cameras.len() {
-            return Err(Error::settings(format!(
-                "the settings choose camera {camera}, but the scene has {}; add a camera to the scene",
-                scene.cameras.len()
-            )));
+            return Err(Error::advice(
+                format!("the settings choose camera {camera}, but the scene has {}; ", scene.cameras.len()),
+                "add a camera to the scene",
+            ));
         }
         let experiment = resolve::as_experiment(&Experiment::default(), settings, &scene);
         let mut job = Job::new(experiment, scene)?;

@@ -50,7 +50,7 @@ impl Ready {
     ) -> Result<(Ready, Layers)> {
         let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
         let prepared = prepared.map_err(|error| match (error, wanted.path) {
-            (Error::Settings(message), Some(path)) => Error::Scene { path: path.into(), message },
+            (Error::Settings(error), Some(path)) => Error::Scene { path: path.into(), message: error.to_string() },
             (other, _) => other,
         })?;
         let mut warnings = preparation.timed("check lamps", || prepared.scene_warnings(&scene, settings));

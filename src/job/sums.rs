@@ -98,11 +98,14 @@ impl Earlier {
         let checkpoint = checkpoint.map(|(path, _)| path.as_path()).filter(|path| path.exists());
         let path = match (resume, checkpoint) {
             (Some(resume), Some(checkpoint)) if !is_same(resume, checkpoint) => {
-                return Err(Error::settings(format!(
-                    "--resume would go on from {}, and --checkpoint from {}, which exists: keep one, or choose another name",
-                    resume.display(),
-                    checkpoint.display()
-                )));
+                return Err(Error::advice(
+                    format!(
+                        "--resume would go on from {}, and --checkpoint from {}, which exists: ",
+                        resume.display(),
+                        checkpoint.display()
+                    ),
+                    "keep one, or choose another name",
+                ));
             }
             (Some(path), _) | (None, Some(path)) => path,
             (None, None) => return Ok(None),
@@ -116,14 +119,17 @@ impl Earlier {
         match (typed, of_sums) {
             (None, shard) => Ok(shard.unwrap_or(Shard::ALL)),
             (Some(typed), Some(shard)) if typed == shard => Ok(typed),
-            (Some(typed), _) => Err(Error::settings(format!(
-                "{} holds {}, and not shard {typed}; choose another file",
-                self.path.display(),
-                of_sums.map_or("merged shards".into(), |shard| match shard.is_all() {
-                    true => "a whole render".into(),
-                    false => format!("shard {shard}"),
-                })
-            ))),
+            (Some(typed), _) => Err(Error::advice(
+                format!(
+                    "{} holds {}, and not shard {typed}; ",
+                    self.path.display(),
+                    of_sums.map_or("merged shards".into(), |shard| match shard.is_all() {
+                        true => "a whole render".into(),
+                        false => format!("shard {shard}"),
+                    })
+                ),
+                "choose another file",
+            )),
         }
     }
 
@@ -133,10 +139,10 @@ impl Earlier {
         self.sums.about.check_same_render(&name, &identity.0, "this command")?;
         let lacks = self.sums.responses.as_ref().is_some_and(|film| !film.has_variance());
         match has_variance && lacks {
-            true => Err(Error::settings(format!(
-                "{name} has no variances of the gates, which the outputs need; leave out --variance and .exr, or render anew with \
-                 --variance"
-            ))),
+            true => Err(Error::advice(
+                format!("{name} has no variances of the gates, which the outputs need; "),
+                "leave out --variance and .exr, or render anew with --variance",
+            )),
             false => Ok(()),
         }
     }

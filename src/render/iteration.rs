@@ -33,9 +33,10 @@ impl Renderer {
     pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
         let max = self.plan.max_samples();
         if !(1..=max).contains(&samples) {
-            return Err(Error::settings(format!(
-                "an iteration takes 1 to {max} samples per pixel, not {samples}; render more iterations instead"
-            )));
+            return Err(Error::advice(
+                format!("an iteration takes 1 to {max} samples per pixel, not {samples}; "),
+                "render more iterations instead",
+            ));
         }
         if self.plan.dark {
             self.add_black_iteration(samples);

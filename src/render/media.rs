@@ -94,9 +94,10 @@ pub fn interior_indices(scene: &Scene) -> Vec<Option<u32>> {
 fn density_grids(scene: &Scene, space: &RenderSpace, media: usize) -> Result<(Vec<Grid>, Vec<grid::Texel>)> {
     let texels: u64 = scene.media.iter().filter_map(|medium| medium.grid.as_ref()).map(grid::texel_count).sum();
     if texels > MAX_TEXELS {
-        return Err(Error::settings(format!(
-            "the density grids need {texels} texels on the device, more than {MAX_TEXELS}; use grids with fewer voxels"
-        )));
+        return Err(Error::advice(
+            format!("the density grids need {texels} texels on the device, more than {MAX_TEXELS}; "),
+            "use grids with fewer voxels",
+        ));
     }
     let (mut grids, mut densities) = (vec![], vec![]);
     if texels > 0 {

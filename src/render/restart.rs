@@ -23,13 +23,15 @@ impl Renderer {
         let responses = responses.into();
         responses.check()?;
         if self.plan.has_distant && !responses.are_steady() {
-            return Err(Error::settings(
-                "a light is infinitely far away, so its light has no travel time to gate; select other emitters",
+            return Err(Error::advice(
+                "a light is infinitely far away, so its light has no travel time to gate; ",
+                "select other emitters",
             ));
         }
         if !self.plan.can_have(&responses) {
-            return Err(Error::settings(
-                "these responses need other kernels than those of the render so far; make a new renderer",
+            return Err(Error::advice(
+                "these responses need other kernels than those of the render so far; ",
+                "make a new renderer",
             ));
         }
         self.plan.set(seed, responses);

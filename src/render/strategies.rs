@@ -77,8 +77,9 @@ impl StrategyImages {
     /// contributions measures no error per pixel.
     pub fn check(settings: &Settings) -> Result<()> {
         if settings.sampling() == Sampling::Adaptive {
-            return Err(Error::settings(
-                "--strategy-images needs the same number of samples in every pixel; add --sampling uniform",
+            return Err(Error::advice(
+                "--strategy-images needs the same number of samples in every pixel; ",
+                "add --sampling uniform",
             ));
         }
         // This is a lower bound: for a thin gate, the render forms more strategies.

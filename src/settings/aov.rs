@@ -57,9 +57,10 @@ impl FromStr for Aov {
 }
 
 fn not_a_layer(name: &str) -> Error {
-    Error::settings(format!(
-        "'{name}' is not an auxiliary layer: give all, or some of depth,normal,albedo,object,arrival"
-    ))
+    Error::advice(
+        format!("'{name}' is not an auxiliary layer: "),
+        "give all, or some of depth,normal,albedo,object,arrival",
+    )
 }
 
 impl fmt::Display for Aov {

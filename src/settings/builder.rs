@@ -102,10 +102,10 @@ impl SettingsBuilder {
         let [width, height] = self.resolution;
         let is_inside = |crop: Crop| crop.x0 < crop.x1 && crop.x1 <= width && crop.y0 < crop.y1 && crop.y1 <= height;
         if let Some(crop) = self.crop.filter(|&crop| !is_inside(crop)) {
-            return Err(Error::settings(format!(
-                "--crop {crop} does not lie inside the image of {width}x{height}; it is x0,x1,y0,y1 with x1 <= {width} \
-                 and y1 <= {height}"
-            )));
+            return Err(Error::advice(
+                format!("--crop {crop} does not lie inside the image of {width}x{height}; "),
+                format!("it is x0,x1,y0,y1 with x1 <= {width} and y1 <= {height}"),
+            ));
         }
         Ok(Settings { chosen: self })
     }

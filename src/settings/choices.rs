@@ -37,7 +37,7 @@ macro_rules! choices {
                 let named = $type::ALL.into_iter().find(|choice| choice.name() == text);
                 named.ok_or_else(|| {
                     let (last, others) = ([$($name),+].split_last()).expect("there are choices");
-                    Error::settings(format!("'{text}' {}: choose {} or {last}", $wrong, others.join(", ")))
+                    Error::advice(format!("'{text}' {}: ", $wrong), format!("choose {} or {last}", others.join(", ")))
                 })
             }
         }
@@ -219,9 +219,10 @@ impl FromStr for Importance {
                 "overlap" => importance.overlap = true,
                 "gloss" => importance.gloss = true,
                 _ => {
-                    return Err(Error::settings(format!(
-                        "'{name}' is not a factor of the importance: give all, none, or some of centre,cosine,overlap,gloss"
-                    )));
+                    return Err(Error::advice(
+                        format!("'{name}' is not a factor of the importance: "),
+                        "give all, none, or some of centre,cosine,overlap,gloss",
+                    ));
                 }
             }
         }

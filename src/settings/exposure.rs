@@ -26,7 +26,10 @@ impl Exposure {
         if stops.is_finite() && stops.abs() <= MAX_STOPS {
             return Ok(Exposure::Stops(stops));
         }
-        Err(Error::settings(format!("an exposure of {stops} stops is out of range: it is -{MAX_STOPS} to {MAX_STOPS}")))
+        Err(Error::advice(
+            format!("an exposure of {stops} stops is out of range: "),
+            format!("it is -{MAX_STOPS} to {MAX_STOPS}"),
+        ))
     }
 }
 
@@ -37,7 +40,10 @@ impl FromStr for Exposure {
         match text.trim() {
             "auto" => Ok(Exposure::Auto),
             number => Exposure::of_stops(number.parse().map_err(|_| {
-                Error::settings(format!("'{text}' is not an exposure: give auto, or a number of stops like 3.2 or -1"))
+                Error::advice(
+                    format!("'{text}' is not an exposure: "),
+                    "give auto, or a number of stops like 3.2 or -1",
+                )
             })?),
         }
     }

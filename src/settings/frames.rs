@@ -8,7 +8,7 @@ use std::str::FromStr;
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, SettingsError};
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::Gate;
 
@@ -25,9 +25,10 @@ impl FromStr for Frames {
     fn from_str(text: &str) -> Result<Frames> {
         let numbers = text.split_once("..").and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
         numbers.filter(|(a, b)| a < b && *b <= MAX_FRAME).map(|(a, b)| Frames(a..b)).ok_or_else(|| {
-            Error::settings(format!(
-                "'{text}' are not frames; write them like 0..24, which are the 24 frames from 0 to 23, up to {MAX_FRAME}"
-            ))
+            Error::advice(
+                format!("'{text}' are not frames; "),
+                format!("write them like 0..24, which are the 24 frames from 0 to 23, up to {MAX_FRAME}"),
+            )
         })
     }
 }
@@ -48,7 +49,7 @@ pub struct GateKeys(Vec<(u32, Gate)>);
 impl GateKeys {
     /// Fails if there is no key, if the frames do not ascend, or if a gate has no end.
     pub fn new(keys: Vec<(u32, Gate)>) -> Result<GateKeys> {
-        let fail = |message: &str| Err(Error::settings(format!("{message}; write them like {EXAMPLE}")));
+        let fail = |message: &str| Err(Error::advice(format!("{message}; "), format!("write them like {EXAMPLE}")));
         if keys.is_empty() {
             return fail("the gate has no keys");
         }
@@ -77,12 +78,13 @@ impl GateKeys {
 const EXAMPLE: &str = "0=5m..6m, then 24=8m..9m";
 
 impl Value for GateKeys {
-    fn parse(word: &OsStr) -> Result<GateKeys, String> {
+    fn parse(word: &OsStr) -> Result<GateKeys, SettingsError> {
         let text = word.to_str().ok_or("this is not UTF-8")?;
         let key = text.split_once('=').and_then(|(frame, gate)| Some((frame.trim().parse().ok()?, gate)));
-        let (frame, gate) = key.ok_or(format!("'{text}' is not a frame and its gate; write it like 24=8m..9m"))?;
-        let gate = gate.parse().map_err(|e: Error| e.to_string())?;
-        GateKeys::new(vec![(frame, gate)]).map_err(|e| e.to_string())
+        let wrong =
+            || SettingsError::advice(format!("'{text}' is not a frame and its gate; "), "write it like 24=8m..9m");
+        let (frame, gate) = key.ok_or_else(wrong)?;
+        Ok(GateKeys::new(vec![(frame, gate.parse()?)])?)
     }
 
     /// The keys of several flags may come in any order.

@@ -24,9 +24,9 @@ impl Frequencies {
         match megahertz[..] {
             [_] if are_possible => Ok(Frequencies(megahertz)),
             [a, b] if are_possible && a != b => Ok(Frequencies(megahertz)),
-            _ => Err(Error::settings(
-                "these are not modulation frequencies: write one or two different numbers from 0.001 to 1,000,000 MHz, like 20 or \
-                 80,60",
+            _ => Err(Error::advice(
+                "these are not modulation frequencies: ",
+                "write one or two different numbers from 0.001 to 1,000,000 MHz, like 20 or 80,60",
             )),
         }
     }

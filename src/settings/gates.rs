@@ -21,12 +21,13 @@ impl Gates {
     /// [`MAX_GATES`].
     pub fn new(whole: Gate, count: u32) -> Result<Gates> {
         if !whole.hi.is_finite() {
-            return Err(Error::settings(format!("the gates {whole} have no end; {HOW_TO_WRITE}")));
+            return Err(Error::advice(format!("the gates {whole} have no end; "), HOW_TO_WRITE));
         }
         if !(1..=MAX_GATES).contains(&count) {
-            return Err(Error::settings(format!(
-                "{count} gates are not possible: give 1 to {MAX_GATES}; {HOW_TO_WRITE}"
-            )));
+            return Err(Error::advice(
+                format!("{count} gates are not possible: "),
+                format!("give 1 to {MAX_GATES}; {HOW_TO_WRITE}"),
+            ));
         }
         Ok(Gates { whole, count })
     }
@@ -77,7 +78,7 @@ impl FromStr for Gates {
     fn from_str(text: &str) -> Result<Gates> {
         let parsed = text.rsplit_once('/').and_then(|(gate, count)| Some((gate, count.trim().parse::<u32>().ok()?)));
         let (gate, count) =
-            parsed.ok_or_else(|| Error::settings(format!("'{text}' does not say how many gates; {HOW_TO_WRITE}")))?;
+            parsed.ok_or_else(|| Error::advice(format!("'{text}' does not say how many gates; "), HOW_TO_WRITE))?;
         Gates::new(gate.parse()?, count)
     }
 }

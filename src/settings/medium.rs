@@ -23,10 +23,10 @@ impl Coefficient {
         };
         match rgb.iter().all(|x| x.is_finite() && *x >= 0.0) {
             true => Ok(Coefficient(rgb)),
-            false => Err(Error::settings(format!(
-                "'{text}' is not a coefficient per metre: write one number from 0, like 0.04, or three for red, green and blue, \
-                 like 0.04,0.05,0.07"
-            ))),
+            false => Err(Error::advice(
+                format!("'{text}' is not a coefficient per metre: "),
+                "write one number from 0, like 0.04, or three for red, green and blue, like 0.04,0.05,0.07",
+            )),
         }
     }
 }
@@ -130,7 +130,7 @@ impl FromStr for Distance {
 
     fn from_str(text: &str) -> Result<Distance> {
         length(text).filter(|metres| *metres > 0.0).map(Distance).ok_or_else(|| {
-            Error::settings(format!("'{text}' is not a distance: write a number above 0 with its unit, like 60m"))
+            Error::advice(format!("'{text}' is not a distance: "), "write a number above 0 with its unit, like 60m")
         })
     }
 }
@@ -156,7 +156,10 @@ impl FromStr for Bounds {
 
     fn from_str(text: &str) -> Result<Bounds> {
         let Numbers([x0, y0, z0, x1, y1, z1]) = text.parse::<Numbers<6>>().map_err(|_| {
-            Error::settings(format!("'{text}' is not a box: write its two corners as X,Y,Z,X,Y,Z, like -1,0,-1,1,2,1"))
+            Error::advice(
+                format!("'{text}' is not a box: "),
+                "write its two corners as X,Y,Z,X,Y,Z, like -1,0,-1,1,2,1",
+            )
         })?;
         Ok(Bounds([[x0, y0, z0], [x1, y1, z1]]))
     }

@@ -222,11 +222,14 @@ pub fn check_resolution(source: &str, [width, height]: [u32; 2]) -> Result<()> {
     if fits && u64::from(width) * u64::from(height) <= MAX_PIXELS {
         return Ok(());
     }
-    Err(Error::settings(format!(
-        "{source} is {width}x{height}; sides must be from 1 to {MAX_SIDE} and the image at most {} megapixels: give \
-         --resolution WxH",
-        MAX_PIXELS >> 20
-    )))
+    Err(Error::advice(
+        format!(
+            "{source} is {width}x{height}; sides must be from 1 to {MAX_SIDE} and the image at most {} megapixels: ",
+            MAX_PIXELS >> 20
+        ),
+        "give --resolution WxH",
+    )
+    .about("resolution"))
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ impl FromStr for Moment {
         };
         let seconds = digits.trim().parse().ok().and_then(|x: f64| Moment::new(x * unit));
         seconds.ok_or_else(|| {
-            Error::settings(format!("'{text}' is not a time in an animation; write seconds from 0 on, like 1.5s"))
+            Error::advice(format!("'{text}' is not a time in an animation; "), "write seconds from 0 on, like 1.5s")
         })
     }
 }

@@ -20,9 +20,10 @@ impl<const N: usize> Numbers<N> {
             Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => Ok(Numbers(numbers)),
             _ => {
                 let example = ["1", "2.5", "-3", "50"][..N.min(4)].join(",");
-                Err(Error::settings(format!(
-                    "'{text}' is not a list of {N} numbers: write them with commas between them, like {example}"
-                )))
+                Err(Error::advice(
+                    format!("'{text}' is not a list of {N} numbers: "),
+                    format!("write them with commas between them, like {example}"),
+                ))
             }
         }
     }
@@ -66,7 +67,7 @@ pub struct Fov(pub f64);
 impl Fov {
     fn new(degrees: Option<f64>, text: &str) -> Result<Fov> {
         degrees.filter(|&degrees| degrees > 0.0 && degrees < 180.0).map(Fov).ok_or_else(|| {
-            Error::settings(format!("'{text}' is not a field of view: write degrees between 0 and 180, like 40"))
+            Error::advice(format!("'{text}' is not a field of view: "), "write degrees between 0 and 180, like 40")
         })
     }
 }
@@ -78,7 +79,7 @@ pub struct Height(pub f64);
 impl Height {
     fn new(metres: Option<f64>, text: &str) -> Result<Height> {
         metres.filter(|&metres| metres > 0.0 && metres.is_finite()).map(Height).ok_or_else(|| {
-            Error::settings(format!("'{text}' is not the height of a view: write metres above 0, like 2.5"))
+            Error::advice(format!("'{text}' is not the height of a view: "), "write metres above 0, like 2.5")
         })
     }
 }
@@ -94,11 +95,14 @@ pub enum Headlamp {
 
 impl Headlamp {
     fn new(intensity: Option<f64>, text: &str) -> Result<Headlamp> {
-        intensity.filter(|&watts| watts > 0.0 && watts <= f64::from(f32::MAX)).map(Headlamp::Intensity).ok_or_else(|| {
-            Error::settings(format!(
-                "'{text}' is not an intensity in W/sr: write a number above 0, or, if it is the scene, write it before --headlamp"
-            ))
-        })
+        intensity.filter(|&watts| watts > 0.0 && watts <= f64::from(f32::MAX)).map(Headlamp::Intensity).ok_or_else(
+            || {
+                Error::advice(
+                    format!("'{text}' is not an intensity in W/sr: "),
+                    "write a number above 0, or, if it is the scene, write it before --headlamp",
+                )
+            },
+        )
     }
 }
 
@@ -193,7 +197,7 @@ impl<'de> Deserialize<'de> for Headlamp {
         }
         match Typed::deserialize(deserializer)? {
             Typed::Wanted(true) => Ok(Headlamp::Auto),
-            Typed::Wanted(false) => Err(Error::settings("headlamp cannot be false: remove the key")),
+            Typed::Wanted(false) => Err(Error::advice("headlamp cannot be false: ", "remove the key")),
             Typed::Number(watts) => Headlamp::new(Some(watts), &watts.to_string()),
             Typed::Text(text) => text.parse(),
         }
@@ -208,9 +212,10 @@ pub struct Lamps(pub Vec<Numbers<4>>);
 impl Lamps {
     fn new(lamps: Vec<Numbers<4>>) -> Result<Lamps> {
         match lamps.iter().find(|Numbers([.., intensity])| *intensity <= 0.0) {
-            Some(Numbers([.., intensity])) => Err(Error::settings(format!(
-                "a lamp has an intensity of {intensity} W/sr: write X,Y,Z,INTENSITY with an intensity above 0"
-            ))),
+            Some(Numbers([.., intensity])) => Err(Error::advice(
+                format!("a lamp has an intensity of {intensity} W/sr: "),
+                "write X,Y,Z,INTENSITY with an intensity above 0",
+            )),
             None => Ok(Lamps(lamps)),
         }
     }

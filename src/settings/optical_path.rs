@@ -17,9 +17,10 @@ impl FromStr for OpticalPath {
     fn from_str(text: &str) -> Result<OpticalPath> {
         let path = path_length(text).filter(|x| *x > 0.0 && x.is_finite());
         path.map(OpticalPath).ok_or_else(|| {
-            Error::settings(format!(
-                "'{text}' is not a length of optical path or a time greater than 0; write it like 100m or 400ns"
-            ))
+            Error::advice(
+                format!("'{text}' is not a length of optical path or a time greater than 0; "),
+                "write it like 100m or 400ns",
+            )
         })
     }
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
+use crate::error::SettingsError;
 use crate::settings::setting::Value;
 
 /// A phase function as the user names it.
@@ -48,17 +49,16 @@ const NAMES: [(&str, Phase); 5] = [
 ];
 
 impl Value for Phase {
-    fn parse(word: &OsStr) -> Result<Phase, String> {
+    fn parse(word: &OsStr) -> Result<Phase, SettingsError> {
         let path = PathBuf::from(word);
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
             return Ok(Phase::Table(path));
         }
         let named = NAMES.into_iter().find(|(name, _)| word == *name);
         named.map(|(_, phase)| phase).ok_or_else(|| {
-            format!(
-                "'{}' is not a phase function: write isotropic, hg, double-hg, draine, rayleigh, or the name of a table that \
-                 ends in .csv",
-                word.display()
+            SettingsError::advice(
+                format!("'{}' is not a phase function: ", word.display()),
+                "write isotropic, hg, double-hg, draine, rayleigh, or the name of a table that ends in .csv",
             )
         })
     }
@@ -102,7 +102,10 @@ mod tests {
         }
         assert_eq!(Phase::parse("a/fog.CSV".as_ref()), Ok(Phase::Table("a/fog.CSV".into())));
         for bad in ["", "HG", "mie", "fog.txt"] {
-            assert!(Phase::parse(bad.as_ref()).unwrap_err().contains("is not a phase function: write"), "{bad}");
+            assert!(
+                Phase::parse(bad.as_ref()).unwrap_err().to_string().contains("is not a phase function: write"),
+                "{bad}"
+            );
         }
         for name in ["double-hg", "draine", "fog.csv"] {
             let read = Experiment::parse(&format!("[medium]\nphase = '{name}'\n")).unwrap();

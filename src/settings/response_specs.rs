@@ -8,7 +8,7 @@ use std::str::FromStr;
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, SettingsError};
 use crate::settings::response::{Edge, Response};
 use crate::settings::setting::Value;
 use crate::settings::table::GateTable;
@@ -95,7 +95,7 @@ impl FromStr for ResponseSpec {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<ResponseSpec> {
-        let wrong = || Error::settings(format!("'{text}' is not a response; {HOW_TO_WRITE}"));
+        let wrong = || Error::advice(format!("'{text}' is not a response; "), HOW_TO_WRITE);
         // After a slash, the equals sign is part of the path of a table.
         let (name, rest) = match text.split_once('=').filter(|(name, _)| !name.contains(['/', '\\'])) {
             Some((name, rest)) => (Some(name.trim()), rest.trim()),
@@ -156,9 +156,9 @@ impl fmt::Display for ResponseSpec {
 pub struct ResponseSpecs(pub Vec<ResponseSpec>);
 
 impl Value for ResponseSpecs {
-    fn parse(word: &OsStr) -> Result<ResponseSpecs, String> {
+    fn parse(word: &OsStr) -> Result<ResponseSpecs, SettingsError> {
         let text = word.to_str().ok_or("this is not UTF-8")?;
-        text.parse().map(|spec| ResponseSpecs(vec![spec])).map_err(|e: Error| e.to_string())
+        Ok(ResponseSpecs(vec![text.parse()?]))
     }
 
     fn paths(&mut self) -> Vec<&mut PathBuf> {

@@ -45,10 +45,10 @@ impl Responses {
         }
         let mut names = HashSet::new();
         if let Some(twice) = list.iter().find(|response| !names.insert(response.name())) {
-            return Err(Error::settings(format!(
-                "two responses are called '{}'; give each a name of its own, like near=gauss:10m..11m,0.1m",
-                twice.name()
-            )));
+            return Err(Error::advice(
+                format!("two responses are called '{}'; ", twice.name()),
+                "give each a name of its own, like near=gauss:10m..11m,0.1m",
+            ));
         }
         let responses = Responses { list, uniform: None, frequencies: None };
         responses.check()?;
@@ -142,17 +142,20 @@ impl Responses {
     pub(crate) fn check(&self) -> Result<()> {
         if self.list.is_empty() || self.list.len() > MAX_GATES as usize {
             let count = self.list.len();
-            return Err(Error::settings(format!("{count} responses are not possible: give 1 to {MAX_GATES}")));
+            return Err(Error::advice(
+                format!("{count} responses are not possible: "),
+                format!("give 1 to {MAX_GATES}"),
+            ));
         }
         for response in self.iter() {
             check_name(response.name())?;
             if let Some(Edge::Ramp(length) | Edge::Gauss(length)) = response.edge()
                 && !(length > 0.0 && length <= MAX_TRAVEL_TIME)
             {
-                return Err(Error::settings(format!(
-                    "the response '{}' has edges of {length} m; give a length above 0, at most {MAX_TRAVEL_TIME:e} m",
-                    response.name()
-                )));
+                return Err(Error::advice(
+                    format!("the response '{}' has edges of {length} m; ", response.name()),
+                    format!("give a length above 0, at most {MAX_TRAVEL_TIME:e} m"),
+                ));
             }
             let Some(period) = response.period() else { continue };
             let Gate { lo, hi } = response.support_of_pulse();

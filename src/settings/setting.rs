@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::path::PathBuf;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, SettingsError};
 use crate::settings::Estimator;
 
 /// One setting: a flag of the command line, and the key of the same name in a table of an experiment file. Keyword arguments in Python
@@ -186,7 +186,7 @@ impl Setting {
             },
             _ => return Ok(()),
         };
-        Err(Error::settings(format!("--{} is {count}; it must be {bounds}", self.name)))
+        Err(Error::advice(format!("--{} is {count}; ", self.name), format!("it must be {bounds}")))
     }
 
     /// A note for a user who gave the setting although `estimator` does not use it; `None` if `estimator` uses it.
@@ -208,7 +208,7 @@ impl Setting {
 /// A type of values that a setting can have.
 pub trait Value: Clone + serde::Serialize + Send + Sync + 'static {
     /// Parses a word of the command line.
-    fn parse(word: &OsStr) -> Result<Self, String>;
+    fn parse(word: &OsStr) -> Result<Self, SettingsError>;
 
     /// The number that must be inside [`Setting::limits`]; `None` for a type without limits.
     fn count(&self) -> Option<u32> {
@@ -236,9 +236,8 @@ pub trait Value: Clone + serde::Serialize + Send + Sync + 'static {
 macro_rules! value_from_text {
     ($($type:ty $({ $($more:item)+ })?),+ $(,)?) => {$(
         impl $crate::settings::setting::Value for $type {
-            fn parse(word: &std::ffi::OsStr) -> Result<Self, String> {
-                let text = word.to_str().ok_or("this is not UTF-8")?;
-                text.parse::<$type>().map_err(|e| e.to_string())
+            fn parse(word: &std::ffi::OsStr) -> Result<Self, $crate::error::SettingsError> {
+                Ok(word.to_str().ok_or("this is not UTF-8")?.parse::<$type>()?)
             }
             $($($more)+)?
         }
@@ -253,7 +252,7 @@ value_from_text!(bool, String, u32 {
 });
 
 impl Value for PathBuf {
-    fn parse(word: &OsStr) -> Result<PathBuf, String> {
+    fn parse(word: &OsStr) -> Result<PathBuf, SettingsError> {
         Ok(word.into())
     }
 

@@ -62,7 +62,7 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> Result<Shard> {
         let numbers = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
         let (index, count) = numbers.ok_or_else(|| {
-            Error::settings(format!("'{text}' is not a shard: write I/N, like 0/4 for the first of four shards"))
+            Error::advice(format!("'{text}' is not a shard: "), "write I/N, like 0/4 for the first of four shards")
         })?;
         Shard::new(index, count)
     }

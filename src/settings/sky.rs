@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
+use crate::error::SettingsError;
 use crate::settings::setting::{Value, value_from_text};
 
 /// Where the light of the sky comes from.
@@ -52,14 +53,14 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
 }
 
 impl Value for Sky {
-    fn parse(word: &OsStr) -> Result<Sky, String> {
+    fn parse(word: &OsStr) -> Result<Sky, SettingsError> {
         let path = PathBuf::from(word);
         if has_extension(&path, "exr") || is_radiance_hdr(&path) {
             return Ok(Sky::Image(path));
         }
         let text = word.to_str().ok_or("this is not UTF-8")?;
         let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-        Sky::radiance(&numbers.map_err(|_| Sky::unknown(text))?, text)
+        Ok(Sky::radiance(&numbers.map_err(|_| Sky::unknown(text))?, text)?)
     }
 
     fn paths(&mut self) -> Vec<&mut PathBuf> {
@@ -92,7 +93,7 @@ impl<'de> Deserialize<'de> for Sky {
         match Typed::deserialize(deserializer)? {
             Typed::Number(grey) => Sky::radiance(&[grey], &grey.to_string()),
             Typed::List(list) => Sky::radiance(&list, &format!("{list:?}")),
-            Typed::Text(text) => Sky::parse(text.as_ref()),
+            Typed::Text(text) => Sky::parse(text.as_ref()).map_err(|e| e.to_string()),
         }
         .map_err(D::Error::custom)
     }
@@ -142,10 +143,10 @@ mod tests {
         assert_eq!(parse("0.5, 0,1e3"), Ok(Sky::Radiance([0.5, 0.0, 1000.0])));
         assert_eq!(parse("a,b.EXR"), Ok(Sky::Image("a,b.EXR".into())));
         for bad in ["", "blue", "1,2", "1,2,3,4", "sky.png", "1;2;3"] {
-            assert!(parse(bad).unwrap_err().contains("is no sky: write"), "{bad}");
+            assert!(parse(bad).unwrap_err().to_string().contains("is no sky: write"), "{bad}");
         }
         for bad in ["0", "0,0,0", "-1", "1,-1,1", "inf", "NaN"] {
-            assert!(parse(bad).unwrap_err().contains("above 0"), "{bad}");
+            assert!(parse(bad).unwrap_err().to_string().contains("above 0"), "{bad}");
         }
         for bad in ["0", "-1", "inf", "NaN", "x"] {
             assert!(bad.parse::<SkyScale>().unwrap_err().contains("above 0"), "{bad}");

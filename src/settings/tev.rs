@@ -41,9 +41,10 @@ impl FromStr for TevAddress {
             Some(TevAddress { host: host_of(host)?.into(), port })
         });
         parts.ok_or_else(|| {
-            Error::settings(format!(
-                "'{text}' is not the address of a tev: write HOST:PORT, like {DEFAULT_TEV}, localhost:14158 or [::1]:14158"
-            ))
+            Error::advice(
+                format!("'{text}' is not the address of a tev: "),
+                format!("write HOST:PORT, like {DEFAULT_TEV}, localhost:14158 or [::1]:14158"),
+            )
         })
     }
 }
@@ -88,7 +89,7 @@ impl<'de> Deserialize<'de> for TevAddress {
         }
         match Typed::deserialize(deserializer)? {
             Typed::Wanted(true) => DEFAULT_TEV.parse(),
-            Typed::Wanted(false) => Err(Error::settings("tev cannot be false: remove the key")),
+            Typed::Wanted(false) => Err(Error::advice("tev cannot be false: ", "remove the key")),
             Typed::Text(text) => text.parse(),
         }
         .map_err(D::Error::custom)

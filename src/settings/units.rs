@@ -205,11 +205,12 @@ struct Quantity {
 fn interval(text: &str, what: &str, example: &str, units: &[Unit], unit_names: &str) -> Result<(f64, f64)> {
     let text = text.trim();
     let quantity = |side: &str| quantity(side, text, example, units, unit_names);
-    let no_unit = || Error::settings(format!("the {what} '{text}' has no unit: add {unit_names}; {example}"));
+    let no_unit =
+        || Error::advice(format!("the {what} '{text}' has no unit: "), format!("add {unit_names}; {example}"));
 
     if text.contains("...") {
-        let message = format!("the {what} '{text}' has three dots: write two dots between its ends; {example}");
-        return Err(Error::settings(message));
+        let remedy = format!("write two dots between its ends; {example}");
+        return Err(Error::advice(format!("the {what} '{text}' has three dots: "), remedy));
     }
     if let Some((a, b)) = text.split_once("..") {
         let (a, b) = (quantity(a)?, quantity(b)?);
@@ -230,7 +231,7 @@ fn interval(text: &str, what: &str, example: &str, units: &[Unit], unit_names: &
         let width_m = width.value * width.unit.or(a.unit).ok_or_else(no_unit)?;
         return Ok((a_m, a_m + width_m));
     }
-    Err(Error::settings(format!("'{text}' is not an interval of travel time; {example}")))
+    Err(Error::advice(format!("'{text}' is not an interval of travel time; "), example))
 }
 
 /// Splits at the first `+` that is neither a leading sign nor part of an exponent such as 1e+3.
@@ -242,7 +243,10 @@ fn split_at_width(text: &str) -> Option<(&str, &str)> {
 fn quantity(side: &str, text: &str, example: &str, units: &[Unit], unit_names: &str) -> Result<Quantity> {
     let side = side.trim();
     if side.is_empty() {
-        return Err(Error::settings(format!("the interval '{text}' lacks an end; {example}, or 12.5m..inf")));
+        return Err(Error::advice(
+            format!("the interval '{text}' lacks an end; "),
+            format!("{example}, or 12.5m..inf"),
+        ));
     }
     if side.eq_ignore_ascii_case("inf") {
         // Infinity needs no unit, and gives no unit to the other end.
@@ -255,12 +259,15 @@ fn quantity(side: &str, text: &str, example: &str, units: &[Unit], unit_names: &
         .parse()
         .ok()
         .filter(|v: &f64| v.is_finite())
-        .ok_or_else(|| Error::settings(format!("'{side}' in '{text}' is not a number with a unit; {example}")))?;
+        .ok_or_else(|| Error::advice(format!("'{side}' in '{text}' is not a number with a unit; "), example))?;
     if unit.is_empty() {
         return Ok(Quantity { value, unit: None });
     }
     let unit = units.iter().find(|(name, _)| *name == unit).map(|(_, metres)| *metres).ok_or_else(|| {
-        Error::settings(format!("'{unit}' in '{text}' is not a unit for this setting: use {unit_names}; {example}"))
+        Error::advice(
+            format!("'{unit}' in '{text}' is not a unit for this setting: "),
+            format!("use {unit_names}; {example}"),
+        )
     })?;
     Ok(Quantity { value, unit: Some(unit) })
 }
@@ -288,7 +295,7 @@ pub(crate) fn length(text: &str) -> Option<f64> {
 }
 
 fn refuse(what: &str, remedy: &str) -> Error {
-    Error::settings(format!("{what}; {remedy}"))
+    Error::advice(format!("{what}; "), remedy)
 }
 
 /// The shortest decimal number that parses to the same bits, with an exponent if the number would be long.

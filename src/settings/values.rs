@@ -8,7 +8,7 @@ use std::str::FromStr;
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, SettingsError};
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
 use crate::settings::frames::Frames;
@@ -31,7 +31,7 @@ impl FromStr for Resolution {
         let sides = text.trim().split_once(['x', 'X', '×']);
         let parsed = sides.and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
         parsed.map(Resolution).ok_or_else(|| {
-            Error::settings(format!("'{text}' is not a resolution: write width x height in pixels, like 640x480"))
+            Error::advice(format!("'{text}' is not a resolution: "), "write width x height in pixels, like 640x480")
         })
     }
 }
@@ -47,7 +47,7 @@ impl FromStr for Crop {
 
     fn from_str(text: &str) -> Result<Crop> {
         let wrong = |why: &str| {
-            Error::settings(format!("'{text}' is not a crop{why}: write x0,x1,y0,y1 in pixels, like 100,200,50,150"))
+            Error::advice(format!("'{text}' is not a crop{why}: "), "write x0,x1,y0,y1 in pixels, like 100,200,50,150")
         };
         let numbers: Vec<u32> =
             text.split(',').map(|n| n.trim().parse()).collect::<Result<_, _>>().map_err(|_| wrong(""))?;
@@ -75,7 +75,7 @@ impl FromStr for Pixel {
     fn from_str(text: &str) -> Result<Pixel> {
         let parsed = text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
         parsed.map(Pixel).ok_or_else(|| {
-            Error::settings(format!("'{text}' is not a pixel: write its column and row, both from 0, like 120,80"))
+            Error::advice(format!("'{text}' is not a pixel: "), "write its column and row, both from 0, like 120,80")
         })
     }
 }
@@ -90,7 +90,7 @@ impl FromStr for Seconds {
     fn from_str(text: &str) -> Result<Seconds> {
         let trimmed = text.trim();
         let wrong =
-            || Error::settings(format!("'{text}' is not a duration with a unit: write it like 30s, 5min or 2h"));
+            || Error::advice(format!("'{text}' is not a duration with a unit: "), "write it like 30s, 5min or 2h");
         let units = [("ms", 1e-3), ("min", 60.0), ("s", 1.0), ("h", 3600.0)];
         let (number, unit) =
             units.iter().find_map(|(name, size)| Some((trimmed.strip_suffix(name)?, size))).ok_or_else(wrong)?;
@@ -120,8 +120,9 @@ impl FromStr for Emitters {
 
 fn emitter_names(names: Vec<String>) -> Result<Emitters> {
     if names.is_empty() || names.iter().any(String::is_empty) {
-        return Err(Error::settings(
-            "the list of emitters has an empty name: write scene, or node names like beam,lamp",
+        return Err(Error::advice(
+            "the list of emitters has an empty name: ",
+            "write scene, or node names like beam,lamp",
         ));
     }
     Ok(Emitters::Nodes(names))
@@ -217,7 +218,7 @@ pub enum Png {
 }
 
 impl Value for Png {
-    fn parse(word: &OsStr) -> Result<Png, String> {
+    fn parse(word: &OsStr) -> Result<Png, SettingsError> {
         Ok(if word.is_empty() { Png::Wanted(true) } else { Png::File(word.into()) })
     }
 
@@ -248,8 +249,8 @@ macro_rules! names {
         }
 
         impl Value for $type {
-            fn parse(word: &OsStr) -> Result<$type, String> {
-                $type::new(vec![word.into()])
+            fn parse(word: &OsStr) -> Result<$type, SettingsError> {
+                Ok($type::new(vec![word.into()])?)
             }
 
             fn paths(&mut self) -> Vec<&mut PathBuf> {

@@ -29,17 +29,14 @@ fn is_npy(path: &Path) -> bool {
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     if !is_array(&args.image)? || !is_array(&args.reference)? {
-        return Err(Error::settings(
-            "an array, or a file of several gates, is only compared with another of them; render both with the same gates and \
-             -o OUT.npy",
+        return Err(Error::advice(
+            "an array, or a file of several gates, is only compared with another of them; ",
+            "render both with the same gates and -o OUT.npy",
         )
         .into());
     }
     if args.z.is_some() {
-        return Err(Error::settings(
-            "--z needs two images of a single gate, because arrays and files of several gates do not hold batches of samples; \
-             render each gate alone with -o OUT.exr",
-        )
+        return Err(Error::advice("--z needs two images of a single gate, because arrays and files of several gates do not hold batches of samples; ", "render each gate alone with -o OUT.exr")
         .into());
     }
     let ((image, gates), (reference, reference_gates)) = (read_finite(&args.image)?, read_finite(&args.reference)?);

@@ -29,7 +29,7 @@ pub fn with_saved_results(error: Error, results: &str) -> Error {
 /// Names the scene's file in an error of the settings, because the scene may be the cause.
 pub fn with_scene_path(error: Error, scene: &Path) -> Error {
     match error {
-        Error::Settings(message) => Error::Scene { path: scene.into(), message },
+        Error::Settings(error) => Error::Scene { path: scene.into(), message: error.to_string() },
         other => other,
     }
 }

@@ -113,13 +113,14 @@ pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> 
 fn output(experiment: &Experiment) -> Result<PathBuf> {
     let OutputTable { output, checkpoint, resume, shard, .. } = &experiment.output;
     if checkpoint.is_some() || resume.is_some() || shard.is_some() {
-        return Err(Error::settings(
-            "a scan has no sums to keep: leave out --checkpoint, --resume and --shard, and scan fewer points per command",
+        return Err(Error::advice(
+            "a scan has no sums to keep: ",
+            "leave out --checkpoint, --resume and --shard, and scan fewer points per command",
         ));
     }
     let files = output.clone().map_or(vec![], |files| files.0);
     match &files[..] {
         [file] if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) => Ok(file.clone()),
-        _ => Err(Error::settings("a scan is one array: write -o OUT.npy")),
+        _ => Err(Error::advice("a scan is one array: ", "write -o OUT.npy")),
     }
 }

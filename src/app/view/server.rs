@@ -53,9 +53,10 @@ pub fn bind(wanted: Option<SocketAddr>) -> Result<TcpListener, Error> {
     };
     opened.map_err(|e| {
         let address = wanted.unwrap_or(DEFAULT);
-        Error::settings(format!(
-            "cannot serve the page at {address}: {e}; give another --listen, such as 127.0.0.1:0 for a free port"
-        ))
+        Error::advice(
+            format!("cannot serve the page at {address}: {e}; "),
+            "give another --listen, such as 127.0.0.1:0 for a free port",
+        )
     })
 }
 

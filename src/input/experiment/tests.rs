@@ -92,7 +92,7 @@ fn mistakes_are_reported_where_they_stand() {
     ];
     for (text, line, column, part) in table {
         let error = Experiment::parse(text).expect_err(text);
-        assert!(error.message.contains(part), "{text}: {error}");
+        assert!(error.mistake.to_string().contains(part), "{text}: {error}");
         assert_eq!((error.line, error.column), (line, column), "{text}: {error}");
     }
 }

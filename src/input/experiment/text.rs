@@ -1,6 +1,7 @@
 //! Parses the text of an experiment, with errors that say where a mistake stands.
 
 use super::Experiment;
+use crate::error::SettingsError;
 use crate::input::plain::{from_toml, home_of};
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::setting::Setting;
@@ -9,9 +10,9 @@ use crate::settings::table::MediumTable;
 impl Experiment {
     /// Parses the text of an experiment. Paths stay as written.
     pub fn parse(text: &str) -> Result<Experiment, ParseError> {
-        let mut experiment: Experiment = from_toml(text, home_of).map_err(|(span, message)| {
+        let mut experiment: Experiment = from_toml(text, home_of).map_err(|(span, mistake)| {
             let (line, column) = position(text, span.start);
-            ParseError { line, column, message }
+            ParseError { line, column, mistake }
         })?;
         let tables = std::mem::take(&mut experiment.response).into_iter().map(|table| table.0);
         let specs: Vec<ResponseSpec> =
@@ -23,8 +24,9 @@ impl Experiment {
                 // The error points to the later one.
                 let at = [first, second].iter().filter_map(|setting| key_offset(text, setting)).max();
                 let (line, column) = position(text, at.unwrap_or(0));
-                let message = format!("{} and {} both {}: keep one", first.name, second.name, second.both);
-                Err(ParseError { line, column, message })
+                let problem = format!("{} and {} both {}: ", first.name, second.name, second.both);
+                let mistake = SettingsError::advice(problem, "keep one").about(second.name);
+                Err(ParseError { line, column, mistake })
             }
         }
     }
@@ -41,11 +43,11 @@ impl Experiment {
 
 /// An error in the text of an experiment, with its position: line and column count from 1, columns in characters.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("line {line}, column {column}: {message}")]
+#[error("line {line}, column {column}: {mistake}")]
 pub struct ParseError {
     pub line: usize,
     pub column: usize,
-    pub message: String,
+    pub mistake: SettingsError,
 }
 
 /// Line and column of byte `offset` in `text`. Both count from 1; columns are in characters.

@@ -112,7 +112,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let files = wanted.output.clone().map_or(vec![], |files| files.0);
     let has = |path: &PathBuf, extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
     if files.is_empty() && wanted.checkpoint.is_none() {
-        return Err(Error::settings("no output file: add -o OUT.exr or -o OUT.npy"));
+        return Err(Error::advice("no output file: ", "add -o OUT.exr or -o OUT.npy"));
     }
     let is_known = |path: &&PathBuf| EXTENSIONS.iter().any(|extension| has(path, extension));
     if let Some(other) = files.iter().find(|path| !is_known(path)) {
@@ -121,11 +121,10 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let only = |extension: &str| {
         let mut all = files.iter().filter(|path| has(path, extension));
         match (all.next(), all.next()) {
-            (Some(one), Some(two)) => Err(Error::settings(format!(
-                "{} and {} would hold the same image; name one .{extension} file",
-                one.display(),
-                two.display()
-            ))),
+            (Some(one), Some(two)) => Err(Error::advice(
+                format!("{} and {} would hold the same image; ", one.display(), two.display()),
+                format!("name one .{extension} file"),
+            )),
             (one, _) => Ok(one.cloned()),
         }
     };
@@ -133,33 +132,36 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let responses = chosen(&experiment.gate)?;
     let count = responses.len();
     if exr.is_some() && count > MAX_EXR_RESPONSES {
-        return Err(Error::settings(format!(
-            "an .exr file holds at most {MAX_EXR_RESPONSES} gates, and these are {count}; write -o OUT.npy"
-        )));
+        return Err(Error::advice(
+            format!("an .exr file holds at most {MAX_EXR_RESPONSES} gates, and these are {count}; "),
+            "write -o OUT.npy",
+        ));
     }
     let variance = wanted.variance.unwrap_or(false);
     let checkpoint = checkpoint(wanted)?;
     let keeps_sums = acc.is_some() || checkpoint.is_some();
     if variance && npy.is_none() && !keeps_sums {
-        return Err(Error::settings(
-            "--variance is for an array: add -o OUT.npy (an .exr file always has the variance)",
+        return Err(Error::advice(
+            "--variance is for an array: ",
+            "add -o OUT.npy (an .exr file always has the variance)",
         ));
     }
     let aov = wanted.aov.unwrap_or_default();
     let is_scan = experiment.scan.is_some();
     if aov != Aov::default() && exr.is_none() && !keeps_sums && !is_scan {
-        return Err(Error::settings("--aov adds layers to an image file or to sums: add -o OUT.exr or -o OUT.acc"));
+        return Err(Error::advice("--aov adds layers to an image file or to sums: ", "add -o OUT.exr or -o OUT.acc"));
     }
     let png = match &wanted.png {
         None | Some(Png::Wanted(false)) => picture,
         Some(_) if picture.is_some() => {
-            return Err(Error::settings("-o OUT.png and --png both name the picture: keep one"));
+            return Err(Error::advice("-o OUT.png and --png both name the picture: ", "keep one"));
         }
         Some(Png::Wanted(true)) => match files.first() {
             Some(first) => Some(first.with_extension("png")),
             None => {
-                return Err(Error::settings(
-                    "--png takes its name from the output: add -o OUT.exr, or write --png FILE.png",
+                return Err(Error::advice(
+                    "--png takes its name from the output: ",
+                    "add -o OUT.exr, or write --png FILE.png",
                 ));
             }
         },
@@ -170,7 +172,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     };
     for (flag, is_given) in [("exposure", wanted.exposure.is_some()), ("png-gates", wanted.png_gates.is_some())] {
         if is_given && png.is_none() {
-            return Err(Error::settings(format!("--{flag} is for the picture: add --png")));
+            return Err(Error::advice(format!("--{flag} is for the picture: "), "add --png"));
         }
     }
     // The extension .json ensures that the file cannot overwrite the scene, the experiment or an image.
@@ -179,8 +181,9 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         return Err(Error::settings(format!("the --stats file {} must end in .json", path.display())));
     }
     if !responses.is_single_box() && wanted.strategy_images.is_some() {
-        return Err(Error::settings(
-            "--strategy-images needs a single gate with the weight 1: render it alone, with --gate and without --response and --repeat",
+        return Err(Error::advice(
+            "--strategy-images needs a single gate with the weight 1: ",
+            "render it alone, with --gate and without --response and --repeat",
         ));
     }
     let exposure = wanted.exposure.unwrap_or_default();
@@ -218,8 +221,9 @@ fn file_name(name: &str, number: usize) -> String {
 pub fn check_shard(shard: Shard, outputs: &Outputs) -> Result<()> {
     match shard.is_all() || outputs.sums().next().is_some() {
         true => Ok(()),
-        false => Err(Error::settings(
-            "a shard is a part of a render: add -o OUT.acc, so that taugate merge can join the parts",
+        false => Err(Error::advice(
+            "a shard is a part of a render: ",
+            "add -o OUT.acc, so that taugate merge can join the parts",
         )),
     }
 }
@@ -233,12 +237,13 @@ pub fn checkpoint(wanted: &OutputTable) -> Result<Option<(PathBuf, f64)>> {
         }
     }
     if wanted.every.is_some() && wanted.checkpoint.is_none() {
-        return Err(Error::settings("--every is for the file of --checkpoint: add --checkpoint FILE.acc"));
+        return Err(Error::advice("--every is for the file of --checkpoint: ", "add --checkpoint FILE.acc"));
     }
     let is_long = wanted.checkpoint.is_some() || wanted.resume.is_some() || wanted.shard.is_some();
     if is_long && wanted.strategy_images.is_some() {
-        return Err(Error::settings(
-            "--strategy-images needs all iterations in one run: leave out --checkpoint, --resume and --shard",
+        return Err(Error::advice(
+            "--strategy-images needs all iterations in one run: ",
+            "leave out --checkpoint, --resume and --shard",
         ));
     }
     let seconds = wanted.every.map_or(DEFAULT_EVERY, |every| every.0);

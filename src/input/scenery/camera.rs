@@ -155,17 +155,18 @@ fn aim(table: &mut CameraTable, present: &DAffine3, scene: &Scene) -> Result<DAf
     };
     let Some(forward) = direction.try_normalize() else {
         let [x, y, z] = eye.to_array();
-        return Err(Error::settings(format!(
-            "the camera stands at {x},{y},{z} and looks at the same point: give another --look-from or --look-at"
-        )));
+        return Err(Error::advice(
+            format!("the camera stands at {x},{y},{z} and looks at the same point: "),
+            "give another --look-from or --look-at",
+        ));
     };
     let Some(Numbers(up)) = table.up else { return Ok(look(eye, forward)) };
     match DVec3::from(up).try_normalize() {
         Some(up) if up.cross(forward).length() > 1e-6 => Ok(look_upright(eye, forward, up)),
-        Some(_) => Err(Error::settings(
-            "--up points along the view, so it does not say where up is: give another direction, such as 0,0,1 for a \
-             camera that looks straight down",
+        Some(_) => Err(Error::advice(
+            "--up points along the view, so it does not say where up is: ",
+            "give another direction, such as 0,0,1 for a camera that looks straight down",
         )),
-        None => Err(Error::settings("--up has no length: give a direction, such as 0,1,0")),
+        None => Err(Error::advice("--up has no length: ", "give a direction, such as 0,1,0")),
     }
 }

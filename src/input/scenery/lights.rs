@@ -80,7 +80,7 @@ pub(super) fn apply(
 fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
     let scale = match (&table.sky, table.sky_scale) {
         (None, None) => return Ok(()),
-        (None, Some(_)) => return Err(Error::settings("--sky-scale is for the sky: add --sky")),
+        (None, Some(_)) => return Err(Error::advice("--sky-scale is for the sky: ", "add --sky")),
         (Some(_), scale) => scale.map_or(1.0, |SkyScale(factor)| factor),
     };
     let radiance = match &table.sky {

@@ -39,7 +39,7 @@ pub(super) fn apply(tables: &MediumTables, scene: &mut Scene) -> Result<()> {
         return Ok(());
     }
     if no_medium {
-        return Err(Error::settings("--no-medium leaves no medium for the other settings: remove one of them"));
+        return Err(Error::advice("--no-medium leaves no medium for the other settings: ", "remove one of them"));
     }
     scene.media = vec![checked_medium(&MediumTable { no_medium: None, ..one.clone() }, "the medium")?];
     Ok(())

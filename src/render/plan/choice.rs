@@ -38,17 +38,18 @@ impl Choice {
             }
             UseEllipsoids::Auto => None,
             UseEllipsoids::On if has_media => {
-                return Err(Error::settings(
-                    "--ellipsoids on is not possible in a scene with participating media; leave it out, or use --estimator epc",
+                return Err(Error::advice(
+                    "--ellipsoids on is not possible in a scene with participating media; ",
+                    "leave it out, or use --estimator epc",
                 ));
             }
             wanted => Some(wanted == UseEllipsoids::On),
         };
         let choice = Choice { estimator: settings.estimator(), diagonal: scene.diagonal(), ellipsoids };
         if ellipsoids == Some(true) && choice.is_histogram(settings.responses()) {
-            return Err(Error::settings(
-                "--ellipsoids on is not possible with gates that cover a tenth of the scene's diagonal or more; leave it out, or \
-                 render thin gates one by one",
+            return Err(Error::advice(
+                "--ellipsoids on is not possible with gates that cover a tenth of the scene's diagonal or more; ",
+                "leave it out, or render thin gates one by one",
             ));
         }
         Ok(choice)

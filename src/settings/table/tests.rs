@@ -1,6 +1,9 @@
 use super::*;
+use crate::error::Error;
 use crate::input::experiment::Experiment;
+use crate::input::named;
 use crate::settings::setting::{LeaveOut, Taker, Value, Visitor};
+use crate::settings::{Budget, Crop, Settings};
 
 /// Gives every setting a value, and notes which values name files.
 #[derive(Default)]
@@ -91,8 +94,9 @@ fn settings_that_exclude_each_other_are_refused_together_and_replace_each_other(
             let line = text.lines().find(|line| line.starts_with(&format!("{name} = "))).unwrap();
             format!("{}.{line}\n", find(name).unwrap().table)
         };
-        let message = Experiment::parse(&(line(setting.name) + &line(other))).unwrap_err().message;
-        assert_eq!(message, format!("{other} and {} both {}: keep one", setting.name, setting.both));
+        let mistake = Experiment::parse(&(line(setting.name) + &line(other))).unwrap_err().mistake;
+        assert_eq!(mistake.to_string(), format!("{other} and {} both {}: keep one", setting.name, setting.both));
+        assert_eq!((mistake.setting(), mistake.remedy()), (Some(setting.name), Some("keep one")));
         for (flag, file) in [(setting.name, other), (other, setting.name)] {
             assert_eq!(with(flag).over(with(file)), with(flag), "--{flag} over {file}");
         }
@@ -118,10 +122,49 @@ fn old_keys_are_read_and_new_ones_are_written() {
         assert_eq!(read(&old).unwrap().to_toml(), read(line).unwrap().to_toml(), "{old}");
         let list = Experiment::parse(&format!("[[medium]]\n{old}\n")).unwrap();
         assert_eq!(list, Experiment::parse(&format!("[[medium]]\n{line}\n")).unwrap());
-        let message = read(&format!("{old}\n{line}")).unwrap_err().message;
+        let mistake = read(&format!("{old}\n{line}")).unwrap_err().mistake;
         let expected = format!("[medium] has the key {0} twice ({key} is an old name of it): remove one", setting.name);
-        assert_eq!(message, expected);
+        assert_eq!(mistake.to_string(), expected);
+        assert_eq!((mistake.setting(), mistake.remedy()), (Some(setting.name), Some("remove one")));
     }
+}
+
+#[test]
+fn an_error_about_a_value_has_its_setting_and_a_remedy() {
+    let fields = |error: Error| match error {
+        Error::Settings(error) => (error.setting().map(String::from), error.remedy().map(String::from)),
+        other => panic!("{other}"),
+    };
+    let mut with_limits = 0;
+    for (setting, (_, max)) in all().filter_map(|setting| Some((setting, setting.limits?))) {
+        let Some(above) = max.checked_add(1) else { continue };
+        let (name, remedy) = fields(setting.check(above).unwrap_err());
+        assert_eq!(name.as_deref(), Some(setting.name));
+        assert!(remedy.is_some_and(|remedy| remedy.starts_with("it must be ")), "{}", setting.name);
+        with_limits += 1;
+    }
+    assert!(with_limits >= 5, "{with_limits}");
+    for (name, text, remedy) in [
+        ("fov", "200", Some("write degrees between 0 and 180, like 40")),
+        ("resolution", "big", Some("write width x height in pixels, like 640x480")),
+        ("time", "3", Some("write it like 30s, 5min or 2h")),
+        ("gates", "1m..2m", Some("write them like 10m..20m/100, which is 100 gates of 0.1 m")),
+        ("spp", "many", None),
+    ] {
+        let error = named::set(&mut Experiment::default(), name, Some(text)).unwrap_err();
+        assert_eq!(fields(error), (Some(name.into()), remedy.map(String::from)));
+    }
+    let settings = Settings::builder();
+    for (built, name) in [
+        (settings.clone().resolution([0, 4]).build(), "resolution"),
+        (settings.clone().crop(Crop { x0: 0, x1: 4000, y0: 0, y1: 4 }).build(), "crop"),
+        (settings.clone().budget(Budget::Seconds(0.0)).build(), "time"),
+        (settings.budget(Budget::Spp(0)).build(), "spp"),
+    ] {
+        assert_eq!(fields(built.unwrap_err()).0.as_deref(), Some(name));
+    }
+    let wrong_type = Experiment::parse("[render]\nspp = 'four'").unwrap_err().mistake;
+    assert_eq!(wrong_type.setting(), Some("spp"));
 }
 
 /// A page is another program, so none of its settings may name a file to read or write.
