@@ -24,7 +24,7 @@ use taugate::internals::job::ready::{Ready, Wanted};
 use taugate::internals::job::ready_job::{ReadyJob, Step};
 use taugate::internals::job::sum_files::SumFiles;
 use taugate::internals::job::sums::{self, Identity, empty_shard};
-use taugate::internals::job::{Job, memory, read};
+use taugate::internals::job::{Job, frames, memory, read};
 use taugate::internals::render::StrategyImages;
 use taugate::internals::render::schedule::budget_of;
 use taugate::internals::scene::Scene;
@@ -119,7 +119,7 @@ impl Session {
         let scene_path = experiment.scene.clone().expect("the experiment names a scene");
         let outputs = resolve::outputs(&experiment)?;
         if self.is_sequence {
-            sequence::remove_cut_off(&outputs)?;
+            frames::remove_cut_off(&outputs)?;
         }
         check_outputs(&outputs)?;
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
@@ -146,8 +146,8 @@ impl Session {
         }
         let mut printed = config.to_toml();
         if let Some(identity) = sums.identity().filter(|_| self.is_sequence) {
-            printed = sequence::with_inputs(&printed, identity);
-            if sequence::is_finished(&outputs, identity)? {
+            printed = frames::with_inputs(&printed, identity);
+            if frames::is_finished(&outputs, identity)? {
                 return Ok(Outcome::Kept);
             }
         }

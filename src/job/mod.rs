@@ -1,6 +1,7 @@
 //! What the program, the viewer and the Python module do with a scene. Nothing here prints. [`Job`] is also part of the API.
 
 pub mod feasible;
+pub mod frames;
 pub mod iterations;
 pub mod memory;
 pub mod preparation;
