@@ -104,6 +104,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, job, lightcone, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
+        bench, bvh, compare, detector, files, generate, gpu, image, input, job, lightcone, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
     }
 }

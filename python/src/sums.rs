@@ -223,7 +223,7 @@ pub fn samples_before_iteration(number: u32) -> u64 {
 /// Seconds of a duration such as `8h`.
 #[pyfunction]
 pub fn seconds(text: &str) -> PyResult<f64> {
-    let parsed: taugate::internals::error::Result<Seconds> = text.parse();
+    let parsed: taugate::Result<Seconds> = text.parse();
     parsed.map(|seconds| seconds.0).map_err(|error| Failure::from(error).into())
 }
 

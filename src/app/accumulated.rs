@@ -2,8 +2,6 @@
 
 use std::path::Path;
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::image::accumulation::file::{read, read_about};
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::exr_file::Picture;
@@ -12,6 +10,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::responses::chosen;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Response, Responses};
+use taugate::{Error, Result};
 
 /// Whether `path` names sums.
 pub fn is_sums(path: &Path) -> bool {

@@ -9,7 +9,6 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use taugate::Error;
 use taugate::internals::bench::growth;
 use taugate::internals::bench::job::{Entry, Job};
 use taugate::internals::bench::quality::{MARGIN, MAX_REFERENCE_RELMSE, is_good};
@@ -21,11 +20,11 @@ use taugate::internals::bench::summary;
 use taugate::internals::bench::sweep::Sweep;
 use taugate::internals::bench::table::{self, Row};
 use taugate::internals::compare::metrics::Means;
-use taugate::internals::error::Result;
 use taugate::internals::files::check_readable;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::{self, Provenance};
 use taugate::internals::settings::MAX_SECONDS;
+use taugate::{Error, Result};
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::progress::Progress;

@@ -3,8 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::files::{check_writable, lies_in};
 use taugate::internals::image::accumulation::file::{read, read_about, write};
 use taugate::internals::image::accumulation::{About, Accumulation};
@@ -16,6 +14,7 @@ use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::values::Files;
 use taugate::internals::settings::{Crop, Responses};
 use taugate::internals::threads::spawn_scoped;
+use taugate::{Error, Result};
 
 use super::accumulated;
 use super::cli::DevelopedFiles;

@@ -1,7 +1,6 @@
 //! A note before a render that will take long.
 
-use taugate::internals::error::Result;
-use taugate::internals::estimators::Ellipsoids;
+use taugate::Result;
 use taugate::internals::job::ready::Ready;
 use taugate::internals::render::seconds_per_sample;
 use taugate::internals::settings::Budget;
@@ -15,7 +14,7 @@ const MANY_TRIANGLES: usize = 10_000;
 pub fn note(ready: &Ready) -> Result<Option<String>> {
     let Ready { renderer, scene, settings, prepared: Some(prepared), .. } = ready else { return Ok(None) };
     let triangles = prepared.triangles();
-    if settings.estimator().record().ellipsoids != Ellipsoids::Enumerated || triangles < MANY_TRIANGLES {
+    if !settings.estimator().searches_all_triangles() || triangles < MANY_TRIANGLES {
         return Ok(None);
     }
     let seconds = seconds_per_sample(renderer, scene, settings, prepared)?;

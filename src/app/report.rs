@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde::Serialize;
-use taugate::internals::error::Result;
+use taugate::Result;
 use taugate::internals::files::write_atomically;
 use taugate::internals::image::exr_file::{Provenance, version};
 use taugate::internals::image::layers::Layers;

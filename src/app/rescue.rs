@@ -6,8 +6,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
-use taugate::Error;
-use taugate::internals::error::Result;
+use taugate::{Error, Result};
 
 /// Remembers the files that could not be written where the user wants them.
 #[derive(Default)]

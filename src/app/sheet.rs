@@ -1,6 +1,6 @@
 //! Images side by side in one picture.
 
-use taugate::internals::error::Result;
+use taugate::Result;
 
 /// Maximum width and height of the picture, in pixels. Larger images are reduced.
 const MAX_SIDE: usize = 4096;

@@ -5,8 +5,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::files::{remove_left_over, temporary_folder};
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::{self, Provenance};
@@ -15,6 +13,7 @@ use taugate::internals::render::{PreparedScene, StrategyImages};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::shard::Shard;
+use taugate::{Error, Result};
 
 use super::interrupts::{Interrupt, Interrupts};
 use super::progress::Progress;

@@ -184,6 +184,12 @@ impl Estimator {
     /// of emitter.
     pub const UNGATED: Estimator = Estimator::Bdpt;
 
+    /// Whether each connection searches all triangles of the scene.
+    #[doc(hidden)]
+    pub fn searches_all_triangles(self) -> bool {
+        self.record().ellipsoids == Ellipsoids::Enumerated
+    }
+
     /// The record that describes this estimator to the rest of the program.
     #[doc(hidden)]
     pub fn record(self) -> &'static Record {

@@ -2,13 +2,12 @@
 
 use std::path::PathBuf;
 
-use taugate::Error;
 #[cfg(doc)]
 use taugate::internals::bench::job::Entry;
 use taugate::internals::bench::table::{self, Row};
-use taugate::internals::error::Result;
 use taugate::internals::gpu::{Device, DeviceInfo};
 use taugate::internals::image::fingerprint::Hash;
+use taugate::{Error, Result};
 
 use super::Bench;
 use crate::app::progress::Progress;

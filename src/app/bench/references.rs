@@ -11,8 +11,8 @@ use taugate::internals::bench::reference::{self, OtherVersion, ReferenceReport};
 use taugate::internals::bench::table::{self, Row};
 use taugate::internals::compare::agreement::Agreement;
 use taugate::internals::compare::metrics::Means;
-use taugate::internals::error::{Error, Result};
 use taugate::internals::gpu::Device;
+use taugate::{Error, Result};
 
 use super::{Bench, make_folder};
 use crate::app::cli::BenchArgs;

@@ -3,8 +3,6 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::files::check_writable;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::arrival_map::{ArrivalMap, arrival_map};
@@ -14,6 +12,7 @@ use taugate::internals::image::png_file;
 use taugate::internals::render::{PreparedScene, first_arrivals};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
+use taugate::{Error, Result};
 
 use super::{Arrival, arrival};
 

@@ -1,13 +1,12 @@
 //! `taugate info --pixel`: the object that a pixel shows.
 
 use serde::Serialize;
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::render::{FirstSurface, PreparedScene, first_surfaces};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::values::Pixel;
 use taugate::internals::settings::{Crop, Settings};
+use taugate::{Error, Result};
 
 /// What the centre of a pixel shows.
 #[derive(Serialize)]

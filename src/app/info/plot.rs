@@ -3,11 +3,10 @@
 use std::io::Write;
 use std::path::Path;
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::files::{check_writable, write_atomically};
 use taugate::internals::image::time_plot::{Bar, steps};
 use taugate::internals::render::TravelTimes;
+use taugate::{Error, Result};
 
 /// Number of bins of the histogram in the plot.
 const PARTS: usize = 100;

@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::files::{check_writable, lies_in};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::scene::gltf;
+use taugate::{Error, Result};
 
 use super::super::strategies;
 

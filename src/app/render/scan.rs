@@ -4,8 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::input::experiment::Experiment;
@@ -17,6 +15,7 @@ use taugate::internals::scan::{Measurement, PreparedScan, check_memory, scene_at
 use taugate::internals::settings::Sampling;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::table::OutputTable;
+use taugate::{Error, Result};
 
 use super::super::interrupts::Interrupt;
 use super::super::progress::{Position, duration, rays};

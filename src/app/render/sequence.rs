@@ -4,12 +4,11 @@ mod pictures;
 
 use std::process::ExitCode;
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::job::frames::{self, Frame, Frames};
 use taugate::internals::job::read;
+use taugate::{Error, Result};
 
 use super::outputs::check_pictures;
 use super::{Interrupt, Outcome, Session};

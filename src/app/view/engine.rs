@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, Instant};
 
-use taugate::internals::error::Result;
+use taugate::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::job::iterations::begin;
 use taugate::internals::render::Renderer;

@@ -1,7 +1,7 @@
 //! Measures when light arrives and which surfaces the pixels show. The image depends on neither. So if a measurement fails, the
 //! render goes on, and the page has no histogram or no depths.
 
-use taugate::internals::error::Result;
+use taugate::Result;
 use taugate::internals::input::responses::chosen;
 use taugate::internals::job::feasible;
 use taugate::internals::render::{PreparedScene, TravelTimes, first_surfaces, probe};

@@ -1,6 +1,6 @@
 //! The renderers of the viewer: one for the image, and smaller ones for previews. All share the scene on the device.
 
-use taugate::internals::error::Result;
+use taugate::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::job::memory;
 use taugate::internals::render::{PreparedScene, Renderer, missing_light_at_any_time};

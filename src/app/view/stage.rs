@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 use std::mem::discriminant;
 
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::{named, resolve, scenery};
 use taugate::internals::job::{memory, read};
@@ -12,6 +10,7 @@ use taugate::internals::scene::{Camera, Light, Material, Medium, Scene, SkyImage
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::setting::Taker;
 use taugate::internals::settings::table::{excluding, find};
+use taugate::{Error, Result};
 
 use super::message::Change;
 

@@ -5,13 +5,12 @@ use std::path::Path;
 use std::{io, iter};
 
 use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
-use taugate::Error;
-use taugate::internals::error::Result;
 use taugate::internals::files::write_atomically;
 use taugate::internals::image::{exr_responses, npy_read, png_file};
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::settings::exposure::Exposure;
+use taugate::{Error, Result};
 
 use super::super::Session;
 use super::files;

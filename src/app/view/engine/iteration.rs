@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use taugate::internals::error::Result;
+use taugate::Result;
 use taugate::internals::threads::spawn_scoped;
 
 use super::super::Answers;

@@ -1,6 +1,6 @@
 //! A device that was lost, for example because its driver was reset.
 
-use taugate::internals::error::Result;
+use taugate::Result;
 use taugate::internals::gpu::Device;
 
 use super::Engine;
