@@ -1,12 +1,12 @@
 //! `taugate info`: the contents of a scene, the memory that a render needs, and the travel times of the light.
 
+mod contents;
 mod map;
 mod media;
 mod pixel;
 mod plot;
 mod text;
 
-use std::collections::HashMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -14,18 +14,19 @@ use serde::Serialize;
 use taugate::Error;
 use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::input::resolve::{emitting_nodes, resolve};
+use taugate::internals::input::resolve::resolve;
 use taugate::internals::input::scenery;
 use taugate::internals::job::{feasible, read};
-use taugate::internals::render::sheets::{Glass, glass};
+use taugate::internals::render::sheets::Glass;
 use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
     probe,
 };
-use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Scene, SkyImage};
+use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
 
+pub use contents::emitters;
 use map::Map;
 use media::{Medium, Thickness};
 use pixel::Shown;
@@ -182,7 +183,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     compiling::announce()?;
     let mut scene = read::scene(&experiment)?;
     let choices = scenery::apply(&mut experiment, &mut scene)?;
-    let mut report = contents(&scene);
+    let mut report = contents::report(&scene);
     report.notes = [notes, choices].concat();
     match resolve(&experiment, &scene) {
         Ok(resolved) => {
@@ -215,64 +216,6 @@ fn reduce(experiment: &mut Experiment) -> Vec<String> {
 /// Whether the user wants a part of the report that needs a device and a scene that can be rendered.
 fn needs_render(args: &InfoArgs) -> bool {
     args.pixel.is_some() || !args.map.is_empty() || args.plot.is_some()
-}
-
-/// The part of the report that depends on the scene file alone.
-fn contents(scene: &Scene) -> Report {
-    let mut used = vec![false; scene.materials.len()];
-    scene.instances.iter().for_each(|i| used[scene.meshes[i.mesh as usize].material as usize] = true);
-    let used_materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
-    let materials = used_materials().map(|m| m.name.clone());
-    let interiors = used_materials().filter_map(|m| Some(describe_interior(&m.name, m.interior.as_ref()?))).collect();
-    let emitters = emitters(scene).map(|(node, kind)| Emitter { node, kind, watts: None });
-    let cameras = scene.cameras.iter().map(|camera| {
-        let (degrees_high, metres_high) =
-            (camera.projection.yfov().map(f64::to_degrees), camera.projection.view_height());
-        let position = camera.transform.translation.to_array();
-        Camera { name: camera.name.clone(), position, degrees_high, metres_high, resolution: camera.resolution }
-    });
-    Report {
-        triangles: scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum(),
-        instances: scene.instances.len(),
-        meshes: scene.meshes.len(),
-        mesh_triangles: scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum(),
-        bounds: feasible::bounds(scene).map(|(low, high)| (low.to_array(), high.to_array(), (high - low).length())),
-        cameras: cameras.collect(),
-        emitters: emitters.collect(),
-        materials: materials.collect(),
-        materials_in_file: scene.materials.len(),
-        interiors,
-        glass: glass(scene),
-        textures: scene.textures.len(),
-        images: scene.images.len(),
-        texels: scene.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum(),
-        media: scene.media.iter().map(Medium::new).collect(),
-        warnings: scene.warnings.clone(),
-        render: None,
-        notes: vec![],
-    }
-}
-
-/// The nodes that emit, each with a description of its emitter.
-pub fn emitters(scene: &Scene) -> impl Iterator<Item = (String, String)> {
-    // The first light of a node decides its kind.
-    let lights: HashMap<&str, &SceneLight> = scene.lights.iter().rev().map(|l| (l.node.as_str(), l)).collect();
-    let kind = move |node: &str| lights.get(node).map_or("emissive mesh".into(), |light| describe(light, scene));
-    emitting_nodes(scene).into_iter().map(move |node| (node.to_string(), kind(node)))
-}
-
-/// Describes `light`. For a sky, also gives the irradiance on a floor that sees the whole upper half of the sky.
-fn describe(light: &SceneLight, scene: &Scene) -> String {
-    if !light.kind.is_sky() {
-        return light.kind.describe();
-    }
-    let constant = SkyImage::constant();
-    let irradiance = scene.sky.as_ref().unwrap_or(&constant).irradiance_from_above();
-    let strength = light.kind.strength();
-    let [r, g, b] = [0, 1, 2].map(|k| irradiance[k] * f64::from(strength[k]));
-    let image = scene.sky.as_ref().map(|sky| format!(", image of {}x{} pixels", sky.width, sky.height));
-    let image = image.unwrap_or_default();
-    format!("{}{image}, irradiance ({r:.4}, {g:.4}, {b:.4}) W/m^2 on an open floor", light.kind.describe())
 }
 
 /// Adds the part that depends on the settings. A device that the user named but that cannot be opened is an error. If no
@@ -422,12 +365,4 @@ fn light(times: &TravelTimes, scene: &Scene, settings: &Settings) -> Option<Ligh
 
 pub fn arrival(percent: f64, metres: f64) -> Arrival {
     Arrival { percent, metres, nanoseconds: metres / METRES_PER_NS, depth_metres: metres / 2.0 }
-}
-
-/// Describes the medium inside meshes of a material.
-fn describe_interior(material: &str, medium: &SceneMedium) -> String {
-    let numbers = |sigma: [f64; 3]| sigma.map(feasible::short).join(", ");
-    let (scattering, absorption) = (numbers(medium.sigma_s), numbers(medium.sigma_a));
-    let events = Medium::new(medium).events();
-    format!("{material} contains a medium: {events}; scattering ({scattering}), absorption ({absorption}) per metre")
 }
