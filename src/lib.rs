@@ -21,52 +21,29 @@
 //! paper "Light-Cone Shell Queries for Scalable Time-Gated Rendering". `docs/ARCHITECTURE.md` describes the sources, and
 //! `docs/PAPER.md` lists the function for each equation.
 
-#![warn(missing_docs)]
-
-// These modules are not part of the API. Files that define types of the API warn about missing docs themselves.
-#[allow(missing_docs)]
+// Files that define types of the API warn about missing docs. The other modules are not part of the API.
 mod bench;
-#[allow(missing_docs)]
 mod bvh;
-#[allow(missing_docs)]
 mod compare;
 mod detector;
-#[allow(missing_docs)]
 mod error;
-#[allow(missing_docs)]
 mod estimators;
-#[allow(missing_docs)]
 mod files;
-#[allow(missing_docs)]
 mod free_memory;
-#[allow(missing_docs)]
 mod generate;
-#[allow(missing_docs)]
 mod gpu;
-#[allow(missing_docs)]
 mod image;
-#[allow(missing_docs)]
 mod input;
-#[allow(missing_docs)]
 mod job;
-#[allow(missing_docs)]
 mod lightcone;
-#[allow(missing_docs)]
 mod printable;
-#[allow(missing_docs)]
 mod render;
-#[allow(missing_docs)]
 mod scan;
-#[allow(missing_docs)]
 mod scene;
-#[allow(missing_docs)]
 mod self_check;
-#[allow(missing_docs)]
 mod settings;
-#[allow(missing_docs)]
 mod tev;
 mod threads;
-#[allow(missing_docs)]
 mod wgsl;
 
 pub use glam;
@@ -98,7 +75,6 @@ pub use settings::{
 /// All modules, for the program, the tests and the benches of this package, and for the other packages of this workspace. They are
 /// not part of the API and may change at any time.
 #[doc(hidden)]
-#[allow(missing_docs)]
 pub mod internals {
     macro_rules! modules {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };

@@ -18,8 +18,8 @@ use taugate::glam::DVec3;
 use taugate::internals::generate::{Kind, build, glb_bytes};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::{
-    Aim, Budget, Camera, End, Error, ErrorKind, Gate, Job, Material, Projection, Retroreflector, Settings, SkyImage,
-    load_scene,
+    Aim, Budget, Camera, End, Error, ErrorKind, Gate, Job, Material, Projection, Response, Responses, Retroreflector,
+    Settings, SkyImage, load_scene,
 };
 
 /// A scene in `folder`.
@@ -123,11 +123,37 @@ fn a_job_refuses_what_the_program_refuses() {
     std::fs::write(&experiment, "scene = 'room.glb'\n[scan]\nlaser = [0, 1, 0]").unwrap();
     assert!(matches!(Job::open(&experiment), Err(Error::Settings(_))));
 
-    // A scene without a camera, and a gate that only the render finds to be black.
+    // Only the render finds that this gate is dark.
+    let settings = [("gate", "80m..80.1m"), ("spp", "2"), ("resolution", "8x8")];
+    let dark = |settings: &[(&str, &str)]| {
+        let job = Job::open_with(&input, settings.iter().copied()).unwrap();
+        let device = job.open_device().unwrap();
+        job.prepare(&device).unwrap().run(&Arc::default(), |_| {})
+    };
+    let error = dark(&settings).unwrap_err();
+    assert!(error.to_string().contains("no sample fell inside"), "{error}");
+    assert!(matches!(error, Error::Settings(error) if error.setting() == Some("gate")));
+    assert!(matches!(dark(&[&settings[..], &[("force", "true")]].concat()), Ok(End::Complete)));
+
     let settings = Settings::builder().resolution([8, 8]).build().unwrap();
     let without_camera = taugate::Scene { cameras: vec![], ..build(Kind::CornellBox) };
     let error = Job::of_scene(without_camera, &settings).map(drop).unwrap_err();
     assert!(error.to_string().contains("add a camera to the scene"), "{error}");
+}
+
+/// An experiment file could not hold these settings: rows of a table, and the second of two cameras with one name.
+#[test]
+fn a_job_has_the_settings_of_the_program_that_made_it() {
+    let rows = vec![[6.0, 0.0], [7.0, 1.0], [8.0, 0.0]];
+    let table = Responses::new(vec![Response::table("pulse", rows, None).unwrap()]).unwrap();
+    let mut scene = build(Kind::CornellBox);
+    scene.cameras.push(scene.cameras[0].clone());
+    for camera in [0, 1] {
+        let settings = Settings::builder().responses(table.clone()).camera(camera).resolution([8, 8]).build().unwrap();
+        let job = Job::of_scene(scene.clone(), &settings).unwrap();
+        assert_eq!(*job.settings(), settings);
+        assert_eq!((job.notes().len(), job.warnings().len()), (0, 0), "{:?}", job.warnings());
+    }
 }
 
 /// A program can name the types of all public fields.

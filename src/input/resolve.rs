@@ -31,9 +31,13 @@ pub struct Resolved {
 /// defaults. [`super::scenery::apply`] has already added cameras and lights. Fails if a name is unknown, if a value is outside its
 /// limits, or if the scene has no camera or no light.
 pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
+    resolve_with(experiment, scene, chosen(&experiment.gate)?)
+}
+
+/// As [`resolve`], with these responses instead of those of the experiment.
+pub fn resolve_with(experiment: &Experiment, scene: &Scene, responses: Responses) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
-    let responses = chosen(&experiment.gate)?;
     // The user can correct these mistakes only in the scene, so the message names the scene's file.
     let unfit = |message: &str| Error::Scene {
         path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),

@@ -30,12 +30,14 @@ pub enum Abandons {
 }
 
 /// Why there are no more iterations.
+#[warn(missing_docs)]
 #[derive(Debug)]
 pub enum End {
-    /// The schedule has no more.
+    /// The budget is used.
     Complete,
+    /// The flag was set that stops the render.
     Stopped,
-    /// This number of samples is not finite, in a strict render.
+    /// This number of samples is not finite, and the settings have `strict`.
     NotFinite(u64),
     /// An error of the device. The film has the iterations before.
     Failed(Error),

@@ -29,10 +29,11 @@ use ready::{Ready, Wanted};
 use ready_job::ReadyJob;
 use sum_files::SumFiles;
 
-/// A render with all settings resolved: those of an experiment file or a scene file, or those of a program.
+/// A render with all settings resolved: those of an experiment file, of a scene file, or of a program.
 ///
 /// A job renders the same image as `taugate render` with the same settings, bit for bit, and makes the same checks before it. It writes no
 /// file by itself: outputs that an experiment file names are ignored.
+#[warn(missing_docs)]
 pub struct Job {
     /// With the choices that depend on the scene, such as the place of an automatic camera.
     #[doc(hidden)]
@@ -93,11 +94,14 @@ impl Job {
                 "add a camera to the scene",
             ));
         }
-        let experiment = resolve::as_experiment(&Experiment::default(), settings, &scene);
-        let mut job = Job::new(experiment, scene)?;
+        let mut experiment = resolve::as_experiment(&Experiment::default(), settings, &scene);
+        let (mut scene, responses) = (scene, settings.responses().clone());
+        let notes = scenery::apply(&mut experiment, &mut scene)?;
+        // An experiment cannot hold the rows of a table.
+        let mut resolved = resolve::resolve_with(&experiment, &scene, responses)?;
         // Two cameras may have the same name.
-        job.resolved.settings = job.resolved.settings.change().camera(camera).build()?;
-        Ok(job)
+        resolved.settings = resolved.settings.change().camera(camera).build()?;
+        Ok(Job { experiment, scene, resolved, notes })
     }
 
     /// Adds the cameras and lights of `experiment` to `scene`, and fills in all settings. Fails if they contradict each other or the
@@ -129,8 +133,8 @@ impl Job {
         [&self.scene.warnings[..], &self.resolved.warnings].concat()
     }
 
-    /// The settings as an experiment file (TOML), with all defaults. The file renders the same image later, if the scene is from a
-    /// file.
+    /// The settings as an experiment file (TOML), with all defaults. The file renders the same image later, if the scene and the tables
+    /// of responses are from files.
     pub fn to_toml(&self) -> String {
         self.config().to_toml()
     }

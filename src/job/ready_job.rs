@@ -1,5 +1,7 @@
 //! A job that is ready to run, and how far it has come.
 
+#![warn(missing_docs)]
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -82,7 +84,6 @@ pub struct Step<'a> {
     pub not_written: Option<Error>,
 }
 
-#[warn(missing_docs)]
 impl ReadyJob {
     /// Continues the sums in the file `path` (`.acc`) if it exists, and keeps the sums of this render there. [`ReadyJob::run`] writes
     /// the file at its end, and before that when `every` has passed since the last time. A render that is killed can so be continued by
