@@ -3,10 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
+use crate::settings::typed::{Typed, typed};
 
 /// Maximum absolute value of an exposure in stops. Its factor, 2^126 or 2^-126, is a normal f32.
 const MAX_STOPS: f64 = 126.0;
@@ -67,20 +67,9 @@ impl Serialize for Exposure {
     }
 }
 
-impl<'de> Deserialize<'de> for Exposure {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected \"auto\" or a number of stops")]
-        enum Typed {
-            Stops(f64),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::Stops(stops) => Exposure::of_stops(stops),
-            Typed::Text(text) => text.parse(),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Exposure, "expected \"auto\" or a number of stops":
+    Typed::Number(stops) => Exposure::of_stops(stops),
+    Typed::Text(text) => text.parse(),
 }
 
 #[cfg(test)]

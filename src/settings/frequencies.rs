@@ -5,11 +5,11 @@
 use std::fmt;
 use std::str::FromStr;
 
-use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::settings::setting::value_from_text;
+use crate::settings::typed::{Typed, typed};
 use crate::settings::units::{METRES_PER_NS, number};
 
 /// One frequency or two different ones, in MHz.
@@ -71,22 +71,10 @@ impl Serialize for Frequencies {
     }
 }
 
-impl<'de> Deserialize<'de> for Frequencies {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected one or two numbers of MHz, like 20 or [80, 60]")]
-        enum Typed {
-            One(f64),
-            List(Vec<f64>),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::One(one) => Frequencies::new(vec![one]),
-            Typed::List(list) => Frequencies::new(list),
-            Typed::Text(text) => text.parse(),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Frequencies, "expected one or two numbers of MHz, like 20 or [80, 60]":
+    Typed::Number(one) => Frequencies::new(vec![one]),
+    Typed::List(list) => Frequencies::new(list),
+    Typed::Text(text) => text.parse(),
 }
 
 value_from_text!(Frequencies);

@@ -8,6 +8,7 @@ use serde::{Serialize, Serializer};
 use crate::error::{Error, Result};
 use crate::settings::numbers::Numbers;
 use crate::settings::setting::value_from_text;
+use crate::settings::typed::{Typed, typed};
 use crate::settings::units::length;
 
 /// A coefficient per metre for red, green and blue, each >= 0. The user writes one number, or three.
@@ -49,24 +50,10 @@ impl Serialize for Coefficient {
     }
 }
 
-/// Text, a number or a list of numbers, as a user may write a value in an experiment file.
-#[derive(serde::Deserialize)]
-#[serde(untagged, expecting = "expected a number, a list of numbers, or text")]
-enum Typed {
-    Text(String),
-    Number(f64),
-    List(Vec<f64>),
-}
-
-impl<'de> Deserialize<'de> for Coefficient {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        match Typed::deserialize(deserializer)? {
-            Typed::Text(text) => text.parse(),
-            Typed::Number(number) => Coefficient::new(&[number], &number.to_string()),
-            Typed::List(list) => Coefficient::new(&list, &format!("{list:?}")),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Coefficient, "expected a number, a list of numbers, or text":
+    Typed::Text(text) => text.parse(),
+    Typed::Number(number) => Coefficient::new(&[number], &number.to_string()),
+    Typed::List(list) => Coefficient::new(&list, &format!("{list:?}")),
 }
 
 /// Declares a number in a range, as a value of a setting.
@@ -87,15 +74,10 @@ macro_rules! number {
             }
         }
 
-        impl<'de> Deserialize<'de> for $name {
-            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                match Typed::deserialize(deserializer)? {
-                    Typed::Text(text) => text.parse(),
-                    Typed::Number(number) => number.to_string().parse(),
-                    Typed::List(list) => format!("{list:?}").parse(),
-                }
-                .map_err(D::Error::custom)
-            }
+        typed! { $name, "expected a number, a list of numbers, or text":
+            Typed::Text(text) => text.parse(),
+            Typed::Number(number) => number.to_string().parse(),
+            Typed::List(list) => format!("{list:?}").parse(),
         }
     };
 }

@@ -35,6 +35,7 @@ pub mod sky;
 pub mod table;
 #[allow(missing_docs)]
 pub mod tev;
+mod typed;
 pub mod units;
 #[allow(missing_docs)]
 pub mod values;

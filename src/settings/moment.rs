@@ -3,11 +3,11 @@
 use std::fmt;
 use std::str::FromStr;
 
-use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::settings::setting::value_from_text;
+use crate::settings::typed::{Typed, typed};
 use crate::settings::units::number;
 
 /// A time in seconds, finite and at least 0.
@@ -49,20 +49,9 @@ impl Serialize for Moment {
     }
 }
 
-impl<'de> Deserialize<'de> for Moment {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected a time in seconds, like 1.5 or \"1.5s\"")]
-        enum Typed {
-            Number(f64),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::Number(seconds) => number(seconds).parse(),
-            Typed::Text(text) => text.parse(),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Moment, "expected a time in seconds, like 1.5 or \"1.5s\"":
+    Typed::Number(seconds) => number(seconds).parse(),
+    Typed::Text(text) => text.parse(),
 }
 
 value_from_text!(Moment);

@@ -8,6 +8,7 @@ use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::settings::setting::value_from_text;
+use crate::settings::typed::{Typed, typed};
 
 /// `N` finite numbers, such as a point `1,2.5,-3`. Units and space depend on the setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -154,55 +155,21 @@ impl Serialize for Headlamp {
     }
 }
 
-impl<'de> Deserialize<'de> for Fov {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected a number of degrees, like 40")]
-        enum Typed {
-            Number(f64),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::Number(degrees) => Fov::new(Some(degrees), &degrees.to_string()),
-            Typed::Text(text) => text.parse(),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Fov, "expected a number of degrees, like 40":
+    Typed::Number(degrees) => Fov::new(Some(degrees), &degrees.to_string()),
+    Typed::Text(text) => text.parse(),
 }
 
-impl<'de> Deserialize<'de> for Height {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected a number of metres, like 2.5")]
-        enum Typed {
-            Number(f64),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::Number(metres) => Height::new(Some(metres), &metres.to_string()),
-            Typed::Text(text) => text.parse(),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Height, "expected a number of metres, like 2.5":
+    Typed::Number(metres) => Height::new(Some(metres), &metres.to_string()),
+    Typed::Text(text) => text.parse(),
 }
 
-impl<'de> Deserialize<'de> for Headlamp {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected true or an intensity in W/sr")]
-        enum Typed {
-            Wanted(bool),
-            Number(f64),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::Wanted(true) => Ok(Headlamp::Auto),
-            Typed::Wanted(false) => Err(Error::advice("headlamp cannot be false: ", "remove the key")),
-            Typed::Number(watts) => Headlamp::new(Some(watts), &watts.to_string()),
-            Typed::Text(text) => text.parse(),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Headlamp, "expected true or an intensity in W/sr":
+    Typed::Wanted(true) => Ok(Headlamp::Auto),
+    Typed::Wanted(false) => Err(Error::advice("headlamp cannot be false: ", "remove the key")),
+    Typed::Number(watts) => Headlamp::new(Some(watts), &watts.to_string()),
+    Typed::Text(text) => text.parse(),
 }
 
 /// Point lights: position in world space in metres, and radiant intensity in W / sr.

@@ -8,6 +8,7 @@ use serde::{Serialize, Serializer};
 
 use crate::error::SettingsError;
 use crate::settings::setting::{Value, value_from_text};
+use crate::settings::typed::{Typed, typed};
 
 /// Where the light of the sky comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,22 +82,10 @@ impl Serialize for Sky {
     }
 }
 
-impl<'de> Deserialize<'de> for Sky {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected a radiance like 1 or [0.4, 0.6, 1], or the name of an image")]
-        enum Typed {
-            Number(f64),
-            List(Vec<f64>),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::Number(grey) => Sky::radiance(&[grey], &grey.to_string()),
-            Typed::List(list) => Sky::radiance(&list, &format!("{list:?}")),
-            Typed::Text(text) => Sky::parse(text.as_ref()).map_err(|e| e.to_string()),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { Sky, "expected a radiance like 1 or [0.4, 0.6, 1], or the name of an image":
+    Typed::Number(grey) => Sky::radiance(&[grey], &grey.to_string()),
+    Typed::List(list) => Sky::radiance(&list, &format!("{list:?}")),
+    Typed::Text(text) => Sky::parse(text.as_ref()).map_err(|e| e.to_string()),
 }
 
 /// A factor on the radiance of the sky, finite and more than 0.

@@ -4,11 +4,11 @@ use std::fmt;
 use std::net::Ipv6Addr;
 use std::str::FromStr;
 
-use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::settings::setting::value_from_text;
+use crate::settings::typed::{Typed, typed};
 
 /// The address at which tev listens by default.
 pub const DEFAULT_TEV: &str = "127.0.0.1:14158";
@@ -79,21 +79,10 @@ impl Serialize for TevAddress {
     }
 }
 
-impl<'de> Deserialize<'de> for TevAddress {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected true or an address like \"127.0.0.1:14158\"")]
-        enum Typed {
-            Wanted(bool),
-            Text(String),
-        }
-        match Typed::deserialize(deserializer)? {
-            Typed::Wanted(true) => DEFAULT_TEV.parse(),
-            Typed::Wanted(false) => Err(Error::advice("tev cannot be false: ", "remove the key")),
-            Typed::Text(text) => text.parse(),
-        }
-        .map_err(D::Error::custom)
-    }
+typed! { TevAddress, "expected true or an address like \"127.0.0.1:14158\"":
+    Typed::Wanted(true) => DEFAULT_TEV.parse(),
+    Typed::Wanted(false) => Err(Error::advice("tev cannot be false: ", "remove the key")),
+    Typed::Text(text) => text.parse(),
 }
 
 value_from_text!(TevAddress);
