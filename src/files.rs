@@ -116,6 +116,11 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }
 
+/// Whether the name of a file ends in a dot and `extension`, in upper or lower case.
+pub fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
+}
+
 /// Whether `file` is the same file as `other`, or lies in the folder `other`. Both paths are resolved first, so links and
 /// relative paths do not matter.
 pub fn lies_in(file: &Path, other: &Path) -> bool {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use taugate::internals::files::has_extension;
 use taugate::internals::image::accumulation::file::{read, read_about};
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::exr_file::Picture;
@@ -14,7 +15,7 @@ use taugate::{Error, Result};
 
 /// Whether `path` names sums.
 pub fn is_sums(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("acc"))
+    has_extension(path, "acc")
 }
 
 /// Whether `path` names sums of several responses.

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use taugate::Error;
 use taugate::internals::detector::light::counts;
 use taugate::internals::detector::{Blind, Detector};
-use taugate::internals::files::check_writable;
+use taugate::internals::files::{check_writable, has_extension};
 use taugate::internals::image::array_set::{ArraySet, Role, forget_arrays, names};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
@@ -21,7 +21,7 @@ use taugate::internals::settings::units::Gate;
 
 use super::rescue::Rescue;
 use crate::app::cli::DetectArgs;
-use light::{Input, bytes_of, has_extension};
+use light::{Input, bytes_of};
 
 pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     if !has_extension(&args.output, "npy") {

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use taugate::Error;
-use taugate::internals::files::write_atomically;
+use taugate::internals::files::{has_extension, write_atomically};
 use taugate::internals::generate::{Kind, glb_bytes};
 
 use crate::app::cli::GenerateArgs;
@@ -15,7 +15,7 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
         Error::settings(format!("no scene is called '{name}'; choose one of {}", Kind::NAMES.join(", ")))
     })?;
     let kind = kind.with(*roughness, *triangles).map_err(Error::settings)?;
-    if !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
+    if !has_extension(output, "glb") {
         return Err(Error::settings(format!("the output {} must end in .glb", output.display())).into());
     }
     write_atomically(output, |writer| writer.write_all(&glb_bytes(kind)))?;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 use taugate::Error;
-use taugate::internals::files::{check_writable, write_atomically};
+use taugate::internals::files::{check_writable, has_extension, write_atomically};
 use taugate::internals::image::array_set::{self, Role};
 use taugate::internals::image::npy_file::COUNTS;
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, is_counts, read_with_mono};
@@ -72,7 +72,7 @@ impl Quantity {
 
 pub fn run(args: &HistogramArgs) -> anyhow::Result<ExitCode> {
     if let Some(plot) = &args.plot {
-        if !plot.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
+        if !has_extension(plot, "svg") {
             return Err(Error::settings(format!("the plot {} must end in .svg", plot.display())).into());
         }
         check_writable(plot)?;

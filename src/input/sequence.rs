@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files::has_extension;
 use crate::input::experiment::Experiment;
 use crate::input::resolve::resolve;
 use crate::input::scenery;
@@ -61,8 +62,7 @@ impl Sequence {
             return check_still(&experiment.output).map(|()| None);
         };
         for (path, extension) in [(&contact_sheet, "png"), (&gif, "gif")] {
-            let has = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-            if let Some(path) = path.as_ref().filter(|path| !has(path)) {
+            if let Some(path) = path.as_ref().filter(|path| !has_extension(path, extension)) {
                 return Err(Error::settings(format!("the picture {} must end in .{extension}", path.display())));
             }
         }
@@ -197,7 +197,7 @@ pub(super) fn has_pictures(output: &OutputTable) -> bool {
 }
 
 pub(super) fn is_picture(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"))
+    has_extension(path, "png")
 }
 
 /// The experiment with the time of its first frame, and with the gate of this frame beside its gate keys. Defaults such as the

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::sums::Identity;
 use crate::error::{Error, Result};
-use crate::files::{has_left_over, remove};
+use crate::files::{has_extension, has_left_over, remove};
 use crate::image::accumulation;
 use crate::image::exr_header::{missing_layer, read_settings};
 use crate::image::npy_file::description_path;
@@ -114,7 +114,7 @@ pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
 
 /// The settings that an image or an array was rendered with; `None` if they are not known.
 fn settings_of(path: &Path) -> Option<String> {
-    if path.extension()?.eq_ignore_ascii_case("exr") {
+    if has_extension(path, "exr") {
         return read_settings(path);
     }
     let text = std::fs::read(description_path(path)).ok()?;

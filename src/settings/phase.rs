@@ -7,6 +7,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::SettingsError;
+use crate::files::has_extension;
 use crate::settings::setting::Value;
 
 /// A phase function as the user names it.
@@ -51,7 +52,7 @@ const NAMES: [(&str, Phase); 5] = [
 impl Value for Phase {
     fn parse(word: &OsStr) -> Result<Phase, SettingsError> {
         let path = PathBuf::from(word);
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        if has_extension(&path, "csv") {
             return Ok(Phase::Table(path));
         }
         let named = NAMES.into_iter().find(|(name, _)| word == *name);

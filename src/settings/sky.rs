@@ -7,6 +7,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::SettingsError;
+use crate::files::has_extension;
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::typed::{Typed, typed};
 
@@ -47,10 +48,6 @@ impl Sky {
 /// Whether the name says that this is a Radiance HDR file.
 pub(crate) fn is_radiance_hdr(path: &Path) -> bool {
     has_extension(path, "hdr")
-}
-
-fn has_extension(path: &Path, wanted: &str) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
 
 impl Value for Sky {

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use taugate::Error;
 use taugate::internals::compare::histogram::{HistogramComparison, MIN_LIGHT};
 use taugate::internals::compare::metrics::{RELMSE_FORMULA, TRIMMED, first_non_finite};
+use taugate::internals::files::has_extension;
 use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 
@@ -19,12 +20,8 @@ const WORST: usize = 5;
 pub fn is_array(path: &Path) -> Result<bool, Error> {
     match accumulated::is_sums(path) {
         true => accumulated::has_many(path),
-        false => Ok(is_npy(path) || exr_responses::has_many(path)?),
+        false => Ok(has_extension(path, "npy") || exr_responses::has_many(path)?),
     }
-}
-
-fn is_npy(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"))
 }
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
@@ -116,7 +113,7 @@ fn read_finite(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>
     let (array, gates) = if accumulated::is_sums(path) {
         let (array, gates) = accumulated::array(path)?;
         (array, Some(gates))
-    } else if is_npy(path) {
+    } else if has_extension(path, "npy") {
         let array = read(path)?;
         let gates = described(path, array.images());
         (array, gates)

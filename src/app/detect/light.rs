@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use taugate::Error;
 use taugate::internals::detector::light::{Light, Values};
+use taugate::internals::files::has_extension;
 use taugate::internals::image::accumulation::file::read_about;
 use taugate::internals::image::array_set::read_whole;
 use taugate::internals::image::exr_header::read_corner;
@@ -122,8 +123,4 @@ fn description(images: usize, gates: &[DescribedResponse]) -> Value {
         description["temporal_bins"] = gates.len().into();
     }
     description
-}
-
-pub fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use taugate::internals::files::{check_writable, write_atomically};
+use taugate::internals::files::{check_writable, has_extension, write_atomically};
 use taugate::internals::image::time_plot::{Bar, steps};
 use taugate::internals::render::TravelTimes;
 use taugate::{Error, Result};
@@ -15,7 +15,7 @@ const END_PERCENT: f64 = 99.0;
 
 /// Fails if the plot has the wrong extension or cannot be written. Call it first, because the measurement takes a while.
 pub fn check(path: &Path) -> Result<()> {
-    match path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
+    match has_extension(path, "svg") {
         true => check_writable(path),
         false => Err(Error::settings(format!("the plot {} must end in .svg", path.display()))),
     }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use taugate::internals::files::has_extension;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::input::experiment::Experiment;
@@ -119,7 +120,7 @@ fn output(experiment: &Experiment) -> Result<PathBuf> {
     }
     let files = output.clone().map_or(vec![], |files| files.0);
     match &files[..] {
-        [file] if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) => Ok(file.clone()),
+        [file] if has_extension(file, "npy") => Ok(file.clone()),
         _ => Err(Error::advice("a scan is one array: ", "write -o OUT.npy")),
     }
 }

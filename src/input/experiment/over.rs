@@ -1,6 +1,7 @@
 //! Merges experiments: flags have priority over the file.
 
 use super::Experiment;
+use crate::files::has_extension;
 use crate::input::sequence::{DEFAULT_FPS, has_pictures, is_picture};
 use crate::settings::moment::Moment;
 use crate::settings::setting::LeaveOut;
@@ -68,8 +69,7 @@ fn leave_outputs_to(below: &mut OutputTable, flags: &OutputTable) {
         }
     }
     if let Some(Files(files)) = &flags.output {
-        let has =
-            |extension| files.iter().any(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)));
+        let has = |extension| files.iter().any(|path| has_extension(path, extension));
         let keeps_sums = has("acc") || flags.checkpoint.is_some() || below.checkpoint.is_some();
         if has("png") {
             below.png = None;

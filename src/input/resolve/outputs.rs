@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files::has_extension;
 use crate::image::npy_file;
 use crate::image::scan_layers::layers_path;
 use crate::input::experiment::Experiment;
@@ -110,16 +111,15 @@ const MAX_EXR_RESPONSES: usize = 64;
 pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let wanted = &experiment.output;
     let files = wanted.output.clone().map_or(vec![], |files| files.0);
-    let has = |path: &PathBuf, extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
     if files.is_empty() && wanted.checkpoint.is_none() {
         return Err(Error::advice("no output file: ", "add -o OUT.exr or -o OUT.npy"));
     }
-    let is_known = |path: &&PathBuf| EXTENSIONS.iter().any(|extension| has(path, extension));
+    let is_known = |path: &&PathBuf| EXTENSIONS.iter().any(|extension| has_extension(path, extension));
     if let Some(other) = files.iter().find(|path| !is_known(path)) {
         return Err(Error::settings(format!("the output {} must end in .exr, .npy, .png or .acc", other.display())));
     }
     let only = |extension: &str| {
-        let mut all = files.iter().filter(|path| has(path, extension));
+        let mut all = files.iter().filter(|path| has_extension(path, extension));
         match (all.next(), all.next()) {
             (Some(one), Some(two)) => Err(Error::advice(
                 format!("{} and {} would hold the same image; ", one.display(), two.display()),
@@ -165,7 +165,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
                 ));
             }
         },
-        Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
+        Some(Png::File(path)) if has_extension(path, "png") => Some(path.clone()),
         Some(Png::File(path)) => {
             return Err(Error::settings(format!("the picture {} must end in .png", path.display())));
         }
@@ -177,7 +177,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     }
     // The extension .json ensures that the file cannot overwrite the scene, the experiment or an image.
     let stats = wanted.stats.clone();
-    if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
+    if let Some(path) = stats.as_ref().filter(|path| !has_extension(path, "json")) {
         return Err(Error::settings(format!("the --stats file {} must end in .json", path.display())));
     }
     if !responses.is_single_box() && wanted.strategy_images.is_some() {
@@ -230,9 +230,8 @@ pub fn check_shard(shard: Shard, outputs: &Outputs) -> Result<()> {
 
 /// The file of --checkpoint and the seconds between two writes. Fails if flags of long renders do not fit together.
 pub fn checkpoint(wanted: &OutputTable) -> Result<Option<(PathBuf, f64)>> {
-    let is_acc = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("acc"));
     for (flag, path) in [("checkpoint", &wanted.checkpoint), ("resume", &wanted.resume)] {
-        if let Some(path) = path.as_ref().filter(|path| !is_acc(path)) {
+        if let Some(path) = path.as_ref().filter(|path| !has_extension(path, "acc")) {
             return Err(Error::settings(format!("the file of --{flag}, {}, must end in .acc", path.display())));
         }
     }
