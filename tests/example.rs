@@ -96,6 +96,11 @@ fn a_job_of_a_loaded_scene_renders_the_image_of_the_program() {
     let mut job = job.prepare(&device).unwrap();
     let out = folder.path().join("job.exr");
     assert_eq!(job.keep_sums(&folder.path().join("job.acc"), Duration::ZERO).unwrap_err().kind(), ErrorKind::Settings);
+    let stop = Arc::new(AtomicBool::default());
+    let end = job.run(&stop, |progress| stop.store(progress.samples == 2, Ordering::SeqCst));
+    assert!(matches!(end, Ok(End::Stopped)), "{end:?}");
+    let late = job.keep_sums(&folder.path().join("job.acc"), Duration::ZERO).unwrap_err().to_string();
+    assert!(late.contains("the render has begun"), "{late}");
     job.run(&Arc::default(), |_| {}).unwrap();
     job.write_exr(&out).unwrap();
     let settings = [("gate", "6m..9m"), ("resolution", "16x12"), ("spp", "6"), ("estimator", "lcs")];

@@ -87,12 +87,17 @@ pub struct Step<'a> {
 impl ReadyJob {
     /// Continues the sums in the file `path` (`.acc`) if it exists, and keeps the sums of this render there. [`ReadyJob::run`] writes
     /// the file at its end, and before that when `every` has passed since the last time. A render that is killed can so be continued by
-    /// another process: the image gets the same bits as without the interruption, unless the budget changes or is a time. Call this
-    /// before the first `run`.
+    /// another process: the image gets the same bits as without the interruption, unless the budget changes or is a time.
     ///
-    /// Fails if the scene is not from a file, if the file holds the sums of another render, if another process uses it, or if it
+    /// Fails if the render has begun, if the scene is not from a file, if the file holds the sums of another render, if another process uses it, or if it
     /// cannot be read.
     pub fn keep_sums(&mut self, path: &Path, every: Duration) -> Result<()> {
+        if self.film().samples() > 0 {
+            return Err(Error::advice(
+                "the render has begun, so it cannot continue other sums; ",
+                "keep sums before it runs",
+            ));
+        }
         if self.config.scene.is_none() {
             return Err(Error::settings("a scene from arrays is in no file, so its render cannot be continued"));
         }
