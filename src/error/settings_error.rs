@@ -49,8 +49,9 @@ impl SettingsError {
     }
 
     /// The name of the setting to change: that of its flag without the two dashes, and of its key in an experiment file. `None` if no
-    /// single setting is to blame, or if it is not known which one. It is known if a value cannot be read, if a value is outside its
-    /// range, if settings exclude each other, and if the message begins with a flag.
+    /// single setting is to blame, or if it is not known which one. It is known if the value of a named setting cannot be read, if a
+    /// value is outside its range, if settings exclude each other, if a key of a file is in the wrong table, if the gate meets no light,
+    /// and if the message begins with a flag. A text that a program parses by itself, such as that of a gate, has no name.
     pub fn setting(&self) -> Option<&str> {
         self.setting.as_deref()
     }
