@@ -18,6 +18,7 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve;
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::frames::Outcome;
 use taugate::internals::job::iterations::Abandons;
 use taugate::internals::job::preparation::Preparation;
 use taugate::internals::job::ready::{Ready, Wanted};
@@ -64,23 +65,12 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let mut session = Session::new(quiet)?;
     match sequence {
         Some(sequence) => sequence::run(sequence, &mut session),
-        None => Ok(session.render(experiment)?.code()),
+        None => Ok(code(matches!(session.render(experiment)?, Outcome::Interrupted))),
     }
 }
 
-/// How a render ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    Done,
-    /// The files are there already, with the same settings.
-    Kept,
-    Interrupted,
-}
-
-impl Outcome {
-    pub fn code(self) -> ExitCode {
-        ExitCode::from(if self == Outcome::Interrupted { INTERRUPTED } else { 0 })
-    }
+fn code(is_interrupted: bool) -> ExitCode {
+    ExitCode::from(if is_interrupted { INTERRUPTED } else { 0 })
 }
 
 /// Renders one experiment after the other on one device, and keeps the compiled kernels of the device.

@@ -16,12 +16,12 @@ use crate::settings::aov::Aov;
 /// How the first line of a frame's settings begins. The fingerprint of the input files follows. The line is a comment in TOML.
 const INPUTS: &str = "# Inputs: ";
 
-/// What became of a frame.
-pub enum Frame {
-    Rendered,
-    /// Its files are there already, with the same settings.
+/// How a render ended.
+pub enum Outcome {
+    Done,
+    /// The files are there already, with the same settings.
     Kept,
-    /// The scene cannot be rendered at this moment, for example because the camera is scaled to nothing.
+    /// The scene cannot be rendered at the moment of this frame, for example because the camera is scaled to nothing.
     LeftOut(Error),
     /// The user stopped the render.
     Interrupted,
@@ -41,15 +41,15 @@ pub struct Frames {
 /// counts the frames from 1.
 pub fn render_all<E>(
     sequence: &Sequence,
-    mut render: impl FnMut(usize, u32, Experiment) -> Result<Frame, E>,
+    mut render: impl FnMut(usize, u32, Experiment) -> Result<Outcome, E>,
 ) -> Result<Frames, E> {
     let mut frames = Frames::default();
     for (place, frame) in sequence.own_frames().enumerate() {
         match render(place + 1, frame, sequence.frame(frame))? {
-            Frame::Rendered => {}
-            Frame::Kept => frames.kept.push(frame),
-            Frame::LeftOut(error) => frames.left_out.push((frame, error)),
-            Frame::Interrupted => return Ok(Frames { is_interrupted: true, ..frames }),
+            Outcome::Done => {}
+            Outcome::Kept => frames.kept.push(frame),
+            Outcome::LeftOut(error) => frames.left_out.push((frame, error)),
+            Outcome::Interrupted => return Ok(Frames { is_interrupted: true, ..frames }),
         }
     }
     Ok(frames)

@@ -22,7 +22,7 @@ use super::super::interrupts::Interrupt;
 use super::super::progress::{Position, duration, rays};
 use super::super::report::dropped;
 use super::super::rescue::Rescue;
-use super::{Outcome, Session, check_inputs, check_outputs, failure, with_saved_results, with_scene_path};
+use super::{Session, check_inputs, check_outputs, code, failure, with_saved_results, with_scene_path};
 
 /// Measures all pairs of points and writes the array.
 pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
@@ -70,7 +70,7 @@ pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> 
     let (measured, samples, film) = (measurement.measured(), measurement.samples(), measurement.film());
     if measured == 0 {
         session.progress.line("interrupted before the first point of the laser was measured; nothing was written");
-        return Ok(Outcome::Interrupted.code());
+        return Ok(code(true));
     }
     if measured == count && film.is_black() && !experiment.gate.force.unwrap_or(false) {
         let scene = scene_at(measurement.scene().0.clone(), &scan, &settings, darkest);
@@ -105,7 +105,7 @@ pub fn run(table: &ScanTable, experiment: Experiment, session: &mut Session) -> 
             let results = format!("the {measured} points of the laser before the error");
             Err(with_saved_results(failure, &results).into())
         }
-        None => Ok(if is_whole { Outcome::Done } else { Outcome::Interrupted }.code()),
+        None => Ok(code(!is_whole)),
     }
 }
 

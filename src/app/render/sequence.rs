@@ -6,12 +6,12 @@ use std::process::ExitCode;
 
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
-use taugate::internals::job::frames::{self, Frame, Frames};
+use taugate::internals::job::frames::{self, Frames, Outcome};
 use taugate::internals::job::read;
 use taugate::{Error, Result};
 
 use super::outputs::check_pictures;
-use super::{Interrupt, Outcome, Session};
+use super::{Interrupt, Session, code};
 
 /// Renders the frames of this shard that are not finished. Then writes the contact sheet and the animation, and the pictures that are
 /// missing or may have another exposure.
@@ -32,25 +32,20 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
     let count = sequence.own_frames().count();
     let frames = frames::render_all(sequence, |place, frame, experiment| {
         let outcome = match session.render(experiment).map_err(anyhow::Error::downcast::<Error>) {
-            Err(Ok(error @ Error::Scene { .. })) => {
-                session.progress.line(&format!("frame {frame} is left out: {error}"));
-                return Ok(Frame::LeftOut(error));
-            }
+            Err(Ok(error @ Error::Scene { .. })) => Outcome::LeftOut(error),
             Err(Ok(error)) => return Err(error.into()),
             Err(Err(error)) => return Err(error),
             Ok(outcome) => outcome,
         };
-        if outcome == Outcome::Done {
-            session.progress.line(&format!("frame {frame}: {place} of {count}"));
+        match &outcome {
+            Outcome::Done => session.progress.line(&format!("frame {frame}: {place} of {count}")),
+            Outcome::LeftOut(error) => session.progress.line(&format!("frame {frame} is left out: {error}")),
+            Outcome::Kept | Outcome::Interrupted => {}
         }
-        anyhow::Ok(match outcome {
-            Outcome::Done => Frame::Rendered,
-            Outcome::Kept => Frame::Kept,
-            Outcome::Interrupted => Frame::Interrupted,
-        })
+        anyhow::Ok(outcome)
     })?;
     if frames.is_interrupted {
-        return Ok(Outcome::Interrupted.code());
+        return Ok(code(true));
     }
     let Frames { kept, left_out, .. } = frames;
     if !kept.is_empty() {
