@@ -1,10 +1,12 @@
 //! The scene on the device: group 0 of the kernels.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use bytemuck::NoUninit;
 
 use super::geometry::TexelLayout;
+use super::material::Material;
 use super::prepared_scene::PreparedScene;
 use crate::error::Result;
 use crate::gpu::{Buffer, BufferDesc, Device};
@@ -20,7 +22,7 @@ pub struct DeviceScene {
 }
 
 /// An array of the scene: name in WGSL, buffer descriptor, contents.
-type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
+type Part<'a> = (&'static str, BufferDesc, Cow<'a, [u8]>);
 
 /// Names in WGSL of the arrays that change between renders.
 const EMITTERS: &str = "emitters";
@@ -35,7 +37,7 @@ const IMAGES: &str = "use smaller textures, or a device with a larger limit (tau
 
 fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
     fn part<'a, T: NoUninit>(wgsl: &'static str, name: &'static str, data: &'a [T], remedy: &'static str) -> Part<'a> {
-        (wgsl, BufferDesc::of::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
+        (wgsl, BufferDesc::of::<T>(name, data.len(), remedy), bytemuck::cast_slice(data).into())
     }
     fn texels<'a, T: NoUninit>(
         wgsl: &'static str,
@@ -43,9 +45,13 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         data: &'a [T],
         remedy: &'static str,
     ) -> Part<'a> {
-        (wgsl, BufferDesc::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
+        (wgsl, BufferDesc::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data).into())
     }
     let PreparedScene { geometry, emitters, media, albedo, aims, .. } = prepared;
+    let emissive = geometry.materials.iter().zip(&emitters.densities);
+    let materials: Vec<Material> =
+        emissive.map(|(material, &emission_density)| Material { emission_density, ..*material }).collect();
+    let materials = bytemuck::cast_slice(&materials).to_vec();
     vec![
         texels("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
         texels("triangles", "triangles", &geometry.triangles, MESHES),
@@ -53,7 +59,11 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         part("attributes", "vertex attributes", &geometry.attributes, MESHES),
         part("details", "vertex colours and tangents", &geometry.details, MESHES),
         texels("instances", "instances", &geometry.instances, MESHES),
-        texels("materials", "materials", &geometry.materials, MESHES),
+        (
+            "materials",
+            BufferDesc::of_texels::<Material>("materials", geometry.materials.len(), MESHES),
+            materials.into(),
+        ),
         texels("textures", "textures", &geometry.textures, IMAGES),
         texels(EMITTERS, "emitters", &emitters.table, MESHES),
         texels(AIMS, "rays of sensor points", aims, POINTS),
@@ -74,7 +84,7 @@ fn texels_desc(prepared: &PreparedScene) -> BufferDesc {
 /// Allocates and fills an array.
 fn upload(device: &Device, (wgsl, desc, data): Part) -> Result<(&'static str, Buffer)> {
     let mut buffer = Buffer::from_desc(device, &desc)?;
-    buffer.write(0, data)?;
+    buffer.write(0, &data)?;
     Ok((wgsl, buffer))
 }
 

@@ -17,6 +17,7 @@ use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{InstanceNormals, NONE, TextureInfo, Triangle, VertexAttributes, VertexDetails};
 
 /// The arrays of the scene, in the layout of `shared/scene.wgsl`.
+#[derive(Clone)]
 pub struct Geometry {
     pub bvh: Bvh,
     pub triangles: Vec<Triangle>,
@@ -117,6 +118,7 @@ impl Geometry {
 }
 
 /// The instances that do not move.
+#[derive(Clone)]
 struct Fixed {
     bvh: Bvh,
     /// Number of their triangles, which come first.

@@ -18,10 +18,10 @@ use crate::settings::{Emitters, Settings};
 
 /// All scene data for the upload, in the render space around one camera and with one selection of emitters.
 pub struct PreparedScene {
-    pub(super) geometry: Geometry,
+    pub(super) geometry: Arc<Geometry>,
     pub(super) solids: Arc<Solids>,
     pub(super) emitters: EmitterSet,
-    pub(super) media: Media,
+    pub(super) media: Arc<Media>,
     pub(super) albedo: &'static AlbedoTable,
     pub(super) space: RenderSpace,
     /// Bounding box, in render space, of the points where camera rays start.
@@ -49,9 +49,9 @@ impl PreparedScene {
         memory::check_build(scene)?;
         let albedo = AlbedoTable::shared();
         let space = RenderSpace::of_camera(scene, camera, settings.emitters());
-        let mut geometry = Geometry::new(scene, &space, settings.emitters(), albedo);
+        let geometry = Arc::new(Geometry::new(scene, &space, settings.emitters(), albedo));
         let solids = Arc::new(Solids::new(&geometry));
-        let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry, &solids);
+        let emitters = EmitterSet::new(scene, settings.emitters(), &space, &geometry, &solids);
         if emitters.table.is_empty() {
             return Err(Error::settings(
                 "nothing emits light (a light of power 0 or an emissive surface without area does not count): add a light with \
@@ -59,7 +59,7 @@ impl PreparedScene {
             ));
         }
         let sensor = sensor(camera, settings, &space);
-        let media = Media::new(scene, &space)?;
+        let media = Arc::new(Media::new(scene, &space)?);
         let aims = space.aims(camera);
         let has_own_lasers = false;
         Ok(PreparedScene { geometry, solids, emitters, media, albedo, space, sensor, aims, has_own_lasers })
@@ -97,17 +97,12 @@ impl PreparedScene {
         if self.emitters.has_distant {
             return Ok(None);
         }
-        let densities =
-            |geometry: &Geometry| geometry.materials.iter().map(|m| m.emission_density).collect::<Vec<f32>>();
-        let before = densities(&self.geometry);
-        let emitters = EmitterSet::new(scene, selected, &self.space, &mut self.geometry, &self.solids);
-        let is_like_before = densities(&self.geometry) == before
+        let emitters = EmitterSet::new(scene, selected, &self.space, &self.geometry, &self.solids);
+        let is_like_before = emitters.densities == self.emitters.densities
             && emitters.table.len() == self.emitters.table.len()
             && emitters.deterministic.len() == self.emitters.deterministic.len()
             && emitters.thin_beams == self.emitters.thin_beams;
         if !is_like_before {
-            let materials = self.geometry.materials.iter_mut().zip(before);
-            materials.for_each(|(material, density)| material.emission_density = density);
             return Ok(None);
         }
         let pairs = self.emitters.lights.iter().zip(&emitters.lights);
@@ -127,9 +122,9 @@ impl PreparedScene {
         if space != self.space {
             return Ok(false);
         }
-        self.geometry.place(scene, &space);
+        Arc::make_mut(&mut self.geometry).place(scene, &space);
         self.solids = Arc::new(Solids::new(&self.geometry));
-        self.emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut self.geometry, &self.solids);
+        self.emitters = EmitterSet::new(scene, settings.emitters(), &space, &self.geometry, &self.solids);
         self.sensor = sensor(camera, settings, &space);
         self.aims = space.aims(camera);
         Ok(!self.emitters.table.is_empty())

@@ -45,6 +45,8 @@ pub struct EmitterSet {
     pub sky: Vec<[u32; 4]>,
     /// Whether the search for the glass around emitters was stopped, so that some count as being outside of glass.
     pub has_unplaced: bool,
+    /// For each of [`Geometry::materials`], the density per area at which light subpaths start on its surfaces; 0 if it does not emit.
+    pub densities: Vec<f32>,
     /// Luminance-weighted power in W of every node that emits, by node name. A sun or a sky has none.
     pub powers: BTreeMap<String, f64>,
 }
@@ -55,13 +57,12 @@ pub fn luminance(c: [f32; 3]) -> f64 {
 }
 
 impl EmitterSet {
-    /// Collects the selected emitters and sets `emission_density` of the materials in `geometry`. The set is empty if nothing
-    /// emits.
+    /// Collects the selected emitters. The set is empty if nothing emits.
     pub fn new(
         scene: &Scene,
         selected: &Emitters,
         space: &RenderSpace,
-        geometry: &mut Geometry,
+        geometry: &Geometry,
         solids: &Solids,
     ) -> EmitterSet {
         let mut set = EmitterSet {
@@ -75,19 +76,18 @@ impl EmitterSet {
             has_distant: false,
             sky: vec![],
             has_unplaced: false,
+            densities: vec![],
             powers: BTreeMap::new(),
         };
         let mut weights = vec![];
-        let densities = set.add_triangles(scene, geometry, &mut weights);
+        let exitances = set.add_triangles(scene, geometry, &mut weights);
         set.add_lights(scene, selected, space, geometry, &mut weights);
         favour_beams(&set.table, &mut weights);
         let total: f64 = weights.iter().sum();
         for (entry, weight) in set.table.iter_mut().zip(&weights) {
             entry.select_pdf = (weight / total) as f32;
         }
-        for (material, density) in geometry.materials.iter_mut().zip(densities) {
-            material.emission_density = (density / total) as f32;
-        }
+        set.densities = exitances.into_iter().map(|flux| (flux / total) as f32).collect();
         set.place_in_solids(geometry, solids);
         let surrounding = surrounding_indices(&scene.media);
         for vertex in &mut set.deterministic {

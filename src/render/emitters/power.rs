@@ -136,8 +136,8 @@ mod tests {
         let lamp = stage::material(&mut scene, lamp);
         stage::add(&mut scene, "lamp", lamp, shapes::quad(DVec3::ZERO, 2.0 * DVec3::X, 3.0 * DVec3::Y, size));
         let space = RenderSpace { origin: DVec3::ZERO, unit: 2.0 };
-        let mut geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
-        let set = EmitterSet::new(&scene, &Emitters::Scene, &space, &mut geometry, &Solids::default());
+        let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+        let set = EmitterSet::new(&scene, &Emitters::Scene, &space, &geometry, &Solids::default());
         set.powers.get("lamp").map_or(0.0, |power| power / (6.0 * PI))
     }
 

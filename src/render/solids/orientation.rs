@@ -10,7 +10,7 @@ use super::parts::{Part, is_in, parts, surrounds};
 use crate::scene::{Instance, Material, Scene, corners, surrounding_indices};
 
 /// The closed meshes of glass, by mesh, with their parts. Null boundaries are left out.
-#[derive(Default)]
+#[derive(Default, Clone)]
 pub struct ClosedGlass(BTreeMap<u32, Vec<Part>>);
 
 /// Which triangles of glass are turned around.

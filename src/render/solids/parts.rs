@@ -11,6 +11,7 @@ use crate::scene::Mesh;
 const MAX_PARTS: usize = 64;
 
 /// A part of a closed mesh, in the space of the mesh.
+#[derive(Clone)]
 pub struct Part {
     /// Indices of its triangles.
     pub triangles: Vec<u32>,
