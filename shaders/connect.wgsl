@@ -40,11 +40,13 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 // The entry in `observed` of the first candidate in `slot_list`: it comes after the paths that this bounce and earlier ones have traced,
-// and after the candidates of earlier bounces. The list of the next bounce's paths is complete, but they are not traced yet.
+// and after the candidates and shade points of earlier bounces. The list of the next bounce's paths is complete, but they are not traced
+// yet.
 fn first_entry() -> u32 {
     let next = counters[LIVING_LIST + (dispatch.bounce + 1u) % 2u];
     let traced = dispatch.count + counters[COUNTER_TOTALS + LIVING_LIST] + counters[COUNTER_TOTALS + LIVING_LIST + 1u] - next;
-    return traced + counters[COUNTER_TOTALS + CANDIDATE_LIST] - counters[dispatch.counter] - dispatch.first;
+    let candidates = counters[COUNTER_TOTALS + CANDIDATE_LIST] - counters[dispatch.counter];
+    return entry_after(traced, candidates, counters[COUNTER_TOTALS + SHADE_LIST] - counters[SHADE_LIST]);
 }
 
 // The entry in `contributions` of the candidate in `slot`, for the shade point `at`. `rank`: place of the candidate in `slot_list`.

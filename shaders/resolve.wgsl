@@ -2,6 +2,7 @@
 #import math
 #import samples
 
+// xyz: radiance of each path. With MERGES, w: luminance of the merged light in it.
 @group(2) @binding(0) var<storage, read> radiance: array<vec4<f32>>;
 // Counts per path, see gather.wgsl.
 @group(2) @binding(1) var<storage, read> tallies: array<vec4<u32>>;
@@ -10,6 +11,9 @@
 // The host reads these words anyway, so it reads the sums of the tallies with them. The array has a fixed size, because naga cannot check
 // indices of atomics in others (TAUGATE_BOUNDS_CHECKS).
 @group(2) @binding(3) var<storage, read_write> counters: array<atomic<u32>, COUNTER_TALLIES + 4u>;
+
+// With MERGES, per pixel of the crop: mean luminance of the merged light.
+@group(2) @binding(4) var<storage, read_write> merged_film: array<f32>;
 
 // Number of paths whose tallies one thread sums, so that few threads add to the same words.
 const TALLIED_PATHS: u32 = 32u;
@@ -28,6 +32,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var sum = vec3<f32>(0.0);
     var squares = 0.0;
+    var merged = 0.0;
     // The loop exits at its top: SwiftShader loses the last iteration of a loop that exits at its end (src/gpu/quirks.rs).
     let end = id.x + samples_of_pixel(id.x);
     for (var path = id.x; path < end; path++) {
@@ -35,10 +40,16 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         let counted = select(vec3<f32>(0.0), r, is_finite(r));
         sum += counted;
         squares += square(luminance(counted));
+        if (MERGES) {
+            merged += select(0.0, radiance[path].w, is_finite(r));
+        }
     }
     let p = sensor_sample(id.x).pixel - vec2<u32>(frame.crop_x, frame.crop_y);
     let index = p.y * frame.crop_width + p.x;
     film[index] = vec4<f32>(sum / f32(end - id.x), squares);
+    if (MERGES) {
+        merged_film[index] = merged / f32(end - id.x);
+    }
 }
 
 // Adds the tallies of TALLIED_PATHS paths to `counters`. Sums of integers do not depend on the order of the threads. They fit 32 bits:

@@ -32,6 +32,9 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.eta = eta_around(frame.sensor_solid);
     s.throughput = vec3<f32>(1.0);
     s.flags = with_solid(PATH_ALIVE | select(0u, PATH_PARALLEL, HAS_ORTHOGRAPHIC), solid_around(frame.sensor_solid));
+    if (MERGES) {
+        s.flags |= PATH_ONLY_SMOOTH;
+    }
     s.shift = vec3<f32>(0.0);
     s.triangle = NONE;
     start_sensor_sums(&s, inverseSqrt(length2));

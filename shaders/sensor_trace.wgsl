@@ -95,6 +95,10 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let carries_light = !GUIDES_FLIGHTS || max_component(q.throughput) > 0.0;
     let can_shade = is_connectible(q) && !is_late && carries_light;
     q.flags |= select(VERTEX_SEGMENT_ONLY, 0u, can_shade);
+    // The first event that is not smooth gathers photons. If light subpaths connect to the sensor, they form the paths of its first hit.
+    if (MERGES && (s.flags & PATH_ONLY_SMOOTH) != 0u && can_shade && (depth > 1u || frame.keep_t1 == 0.0)) {
+        q.flags |= VERTEX_MERGES;
+    }
     var mark = select(0u, MARK_SHADE, can_shade || has_segment);
     shade_points[slot] = q;
 
@@ -119,11 +123,11 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 // The entry in `observed` of the first path in `list`: it comes after the paths that earlier bounces have traced, and after their
-// candidates. The totals of the lists of paths leave out the first list, which the host makes, but include the present one.
+// candidates and shade points. The totals of the lists of paths leave out the first list, which the host makes, but include the present one.
 fn first_entry() -> u32 {
     let traced = dispatch.count + counters[COUNTER_TOTALS + LIVING_LIST] + counters[COUNTER_TOTALS + LIVING_LIST + 1u]
         - counters[dispatch.counter];
-    return traced + counters[COUNTER_TOTALS + CANDIDATE_LIST] - dispatch.first;
+    return entry_after(traced, counters[COUNTER_TOTALS + CANDIDATE_LIST], counters[COUNTER_TOTALS + SHADE_LIST]);
 }
 
 // A shade point for the segment of a subpath that has left the scene.

@@ -68,7 +68,7 @@ pub use settings::frequencies::Frequencies;
 pub use settings::gates::Gates;
 pub use settings::units::Gate;
 pub use settings::{
-    Budget, Crop, Edge, Emitters, Estimator, Importance, Response, Responses, Sampling, Settings, Strategies,
+    Budget, Crop, Edge, Emitters, Estimator, Importance, Merge, Response, Responses, Sampling, Settings, Strategies,
     UseEllipsoids,
 };
 

@@ -12,7 +12,7 @@ use exr::prelude::{
     LayerAttributes, MetaData, SampleType, Vec2, WritableImage, f16,
 };
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::image::exr_file::{self, Provenance, read_picture};
+use taugate::internals::image::exr_file::{self, Merged, Provenance, read_picture};
 use taugate::internals::image::exr_header::read_size;
 use taugate::internals::image::film::Film;
 use taugate::internals::image::layers::{Layers, Plane};
@@ -25,6 +25,8 @@ use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Budget, Crop, Estimator, Responses, Settings};
 
 const SETTINGS: &str = "scene = \"röom.glb\"\n\n[gate]\ngate = \"12.5m..12.8m\"\n";
+
+const MERGED: Merged = Merged { share: 0.25, radius: 1.2 };
 
 /// Writes a film of 6 x 4 pixels, a crop of 10 x 8, with two iterations that differ. Returns the film.
 fn write(path: &Path) -> Film {
@@ -39,6 +41,7 @@ fn write(path: &Path) -> Film {
         seed: u32::MAX,
         seconds: 1.5,
         settings: SETTINGS.into(),
+        merged: Some(MERGED),
     };
     exr_file::write(path, &film, &provenance).unwrap();
     film
@@ -54,6 +57,7 @@ fn an_exr_is_read_back_with_its_metadata() {
     assert_eq!((picture.width, picture.height), (6, 4));
     assert_eq!(picture.rgb, film.mean());
     assert_eq!(picture.variance, Some(film.variance_of_mean()));
+    assert_eq!(picture.merged, Some(MERGED));
 
     let meta = MetaData::read_from_file(&path, true).unwrap();
     let [header] = &meta.headers[..] else { panic!("one part") };
@@ -99,6 +103,7 @@ fn auxiliary_layers_stand_beside_the_image() {
         seed: 0,
         seconds: 1.5,
         settings: SETTINGS.into(),
+        merged: None,
     };
     let channels = vec![
         ("depth.Z".into(), Plane::Floats((0..24).map(|i| i as f32).collect())),

@@ -163,14 +163,14 @@ impl World<'_> {
 
     /// The region where a ray starts.
     pub fn region(&self, ray: Ray) -> Region {
-        self.media.region(&self.geometry, ray, |material| self.ior_of(material))
+        self.media.region(&self.geometry, ray, |material| self.indices_of(material))
     }
 
     /// The region behind a surface for a ray that crosses it in direction `onwards`. `region` is the region before the surface.
     pub fn beyond(&self, vertex: &Vertex, onwards: DVec3, region: Region) -> Region {
         match vertex.inside {
             true => self.region(Ray::new(vertex.position, onwards)),
-            false => self.media.inside(&vertex.surface, self.ior_of(vertex.surface.material), region),
+            false => self.media.inside(&vertex.surface, self.indices_of(vertex.surface.material), region),
         }
     }
 }

@@ -112,17 +112,17 @@ impl<'a> Media<'a> {
         Channel { index, weight }
     }
 
-    /// The region inside a solid with this surface, for a ray that enters it from `outside`. `ior` is the index of the solid.
-    pub fn inside(&self, surface: &Surface, ior: f64, outside: Region) -> Region {
+    /// The region inside a solid with this surface, for a ray that enters it from `outside`. `indices`: index of refraction and group index of the solid.
+    pub fn inside(&self, surface: &Surface, indices: [f64; 2], outside: Region) -> Region {
         let solid = Some(surface.material);
         match self.is_null_boundary(surface.instance) {
             true => Region { solid, ..outside },
-            false => Region { solid, eta: ior, group_index: ior },
+            false => Region { solid, eta: indices[0], group_index: indices[1] },
         }
     }
 
-    /// The region where a ray starts. Solids must be closed and nested properly. `ior` gives the index of each material.
-    pub fn region(&self, geometry: &Geometry, ray: Ray, ior: impl Fn(u32) -> f64) -> Region {
+    /// The region where a ray starts. Solids must be closed and nested properly. `indices`: see [`Media::inside`].
+    pub fn region(&self, geometry: &Geometry, ray: Ray, indices: impl Fn(u32) -> [f64; 2]) -> Region {
         if !self.has_solids {
             return self.surrounding;
         }
@@ -137,7 +137,7 @@ impl<'a> Media<'a> {
             match surface.geometric.dot(ray.direction) > 0.0 {
                 false => depth += 1,
                 true if depth > 0 => depth -= 1,
-                true => return self.inside(&surface, ior(surface.material), self.surrounding),
+                true => return self.inside(&surface, indices(surface.material), self.surrounding),
             }
         }
         self.surrounding

@@ -143,9 +143,10 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Index of refraction of a material, relative to vacuum.
-    pub fn ior_of(&self, material: u32) -> f64 {
-        self.scene.materials[material as usize].ior.into()
+    /// Index of refraction and group index of a material.
+    pub fn indices_of(&self, material: u32) -> [f64; 2] {
+        let material = &self.scene.materials[material as usize];
+        [material.ior, material.group_index()].map(f64::from)
     }
 
     /// Radiance that a surface emits in direction `to`, a vector of any length that points away from the surface.

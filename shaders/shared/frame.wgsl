@@ -86,7 +86,16 @@ struct Frame {
     sensor_solid: u32,
     // The start of the gate, if HAS_DELAYS.
     undelayed_lo: f32,
-    pad1: u32,
+    // The radius within which a shade point gathers photons, over the length of the sensor subpath; with an orthographic camera, the
+    // radius itself (shared/photon.wgsl). 0 if the iteration has no photons.
+    merge_radius: f32,
+    // Upper limit of this radius.
+    max_merge_radius: f32,
+    // Photons are sorted into cubic cells: cells per length, and the number of lists of photons less 1. Cells share lists.
+    photon_cells_per_length: f32,
+    photon_list_mask: u32,
+    // Width of the gate; with several responses, on average per response.
+    merge_slot: f32,
 }
 
 // Parameters of one dispatch.
@@ -154,6 +163,10 @@ override SURROUNDING_GROUP_INDEX: f32 = 1.0;
 override HAS_INTERIORS: bool = true;
 // Whether meshes bound media without bending light (boundary.wgsl).
 override HAS_NULL_BOUNDARIES: bool = true;
+// Whether shade points gather photons (merge.wgsl). Subpaths then note which of their events are smooth.
+override MERGES: bool = false;
+// Whether solids have a group index other than their index of refraction.
+override HAS_GROUP_INDICES: bool = false;
 // Whether the scene has thin glass (sheet.wgsl), and whether this glass delays light.
 override HAS_SHEETS: bool = false;
 override HAS_DELAYS: bool = false;

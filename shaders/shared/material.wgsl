@@ -55,6 +55,8 @@ struct Material {
     // Thin glass: its thickness, and the optical depth of what it contains along this thickness, per channel.
     thickness: f32,
     absorption: vec3<f32>,
+    // Travel time per length inside solids of this material.
+    group_index: f32,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -89,15 +91,18 @@ fn load_material(index: u32) -> Material {
     }
     let retroreflector = bitcast<vec2<f32>>(last.xy);
     var absorption = vec3<f32>(0.0);
-    if (HAS_SHEETS) {
-        absorption = bitcast<vec3<f32>>(textureLoad(materials, MATERIAL_TEXELS * index + 9u, 0).xyz);
+    var group_index = lobes.w * SURROUNDING_IOR;
+    if (HAS_SHEETS || HAS_GROUP_INDICES) {
+        let inside = bitcast<vec4<f32>>(textureLoad(materials, MATERIAL_TEXELS * index + 9u, 0));
+        absorption = inside.xyz;
+        group_index = select(group_index, inside.w, HAS_GROUP_INDICES);
     }
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
         bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, coats.w,
-        retroreflector.x, retroreflector.y, last.z, bitcast<f32>(last.w), absorption);
+        retroreflector.x, retroreflector.y, last.z, bitcast<f32>(last.w), absorption, group_index);
 }
 
 // Whether surfaces with this material are thin glass.
@@ -110,7 +115,7 @@ fn bounds_solid(m: Material) -> bool {
     return HAS_TRANSMISSION && m.transmission > 0.0 && !is_thin(m);
 }
 
-// Index of refraction inside solids of this material.
+// Travel time per length inside solids of this material.
 fn solid_index(material: u32) -> f32 {
-    return load_material(material).ior * SURROUNDING_IOR;
+    return load_material(material).group_index;
 }

@@ -1,5 +1,6 @@
 // What sensor subpaths contribute, for a host that observes it (OBSERVE). Each traced path and each live candidate has an entry, with or
-// without light. So an entry's place is known from the lengths of lists: bounce by bounce, first the traced paths, then the candidates.
+// without light. Each shade point has MERGED_ENTRIES more for the light of photons. So an entry's place is known from the lengths of lists:
+// bounce by bounce, first the traced paths, then the candidates, then the shade points.
 #import frame
 
 // One entry.
@@ -12,7 +13,7 @@ struct SensorContribution {
     detail: f32,
     // Index of the sensor subpath in its tile (low PATH_BITS bits), and the bounce.
     path: u32,
-    // `Candidate.vertex`. NONE if the subpath itself hit an emitter or left the scene (s = 0).
+    // `Candidate.vertex`. NONE if the subpath itself hit an emitter or left the scene (s = 0), and for the light of photons.
     vertex: u32,
 }
 
@@ -21,9 +22,20 @@ struct SensorContribution {
 // A tile has fewer than 2^24 paths, and a path at most 254 bounces.
 const PATH_BITS: u32 = 24u;
 
-// Lists of sensor subpaths: the living paths of even bounces (those of odd bounces have the next number), and the live candidates.
+// Lists of sensor subpaths: the living paths of even bounces (those of odd bounces have the next number), the shade points, and the live
+// candidates.
 const LIVING_LIST: u32 = 0u;
+const SHADE_LIST: u32 = 2u;
 const CANDIDATE_LIST: u32 = 3u;
+
+// Number of entries of each shade point for the light of photons: 0 if none are gathered (MERGES), or if OBSERVE is not
+// OBSERVE_RESPONSES.
+override MERGED_ENTRIES: u32 = 0u;
+
+// The entry after those of so many traced paths, candidates and shade points.
+fn entry_after(traced: u32, candidates: u32, shade_points: u32) -> u32 {
+    return traced + candidates + MERGED_ENTRIES * shade_points - dispatch.first;
+}
 
 // Writes an entry. `light`: radiance, and the detail.
 fn observe(at: u32, light: vec4<f32>, path: u32, vertex: u32) {

@@ -39,6 +39,10 @@ const PATH_PARALLEL: u32 = 4u;
 const PATH_LEAVES_CONNECTED: u32 = 8u;
 // Light subpaths: from this bit on, the number of vertices that are not deterministic, at most 3.
 const PATH_RANDOM_SHIFT: u32 = 4u;
+// With MERGES: the last event was smooth, a perfect reflection or refraction. Photons from beams begin with this bit.
+const PATH_SMOOTH: u32 = 64u;
+// With MERGES, sensor subpaths: all events so far were smooth.
+const PATH_ONLY_SMOOTH: u32 = 128u;
 // From this bit on: code of the solid around the ray (solid.wgsl).
 const PATH_SOLID_SHIFT: u32 = 20u;
 
@@ -87,6 +91,8 @@ const VERTEX_DETERMINISTIC: u32 = 0x200u;
 const VERTEX_FRONT: u32 = 0x400u;
 // Light: from this bit on, the number of vertices that are not deterministic, including this vertex, at most 3.
 const VERTEX_RANDOM_SHIFT: u32 = 12u;
+// Sensor, with MERGES: the shade point gathers photons.
+const VERTEX_MERGES: u32 = 0x1000u;
 // The slot holds a vertex.
 const VERTEX_VALID: u32 = 0x800u;
 // The material lets light through, so light can leave on either side.

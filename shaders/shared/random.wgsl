@@ -7,6 +7,7 @@ const STREAM_LIGHT: u32 = 1u;
 const STREAM_QUERY: u32 = 2u;
 const STREAM_ALPHA: u32 = 3u;
 const STREAM_STRATA: u32 = 4u;
+const STREAM_PHOTON: u32 = 5u;
 
 // Hash function pcg4d: four hashed words from four words (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering").
 fn pcg4d(key: vec4<u32>) -> vec4<u32> {
@@ -23,10 +24,11 @@ fn pcg4d(key: vec4<u32>) -> vec4<u32> {
     return v;
 }
 
-// Bits that are added to the depth in `random_key`, so that light subpaths and connections do not share keys with sensor subpaths
-// and queries.
+// Bits that are added to the depth in `random_key`, so that light subpaths, connections and photons do not share keys with sensor
+// subpaths and queries.
 const LIGHT_BIT: u32 = 0x1000u;
 const CONNECTION_BIT: u32 = 0x2000u;
+const PHOTON_BITS: u32 = 0x3000u;
 
 // The key of a use of random numbers, for `pcg4d`. `index` is the number of the pixel or of the light path. `sample` counts the
 // pixel's samples over the whole render; for a light path it is the iteration. `depth` is the bounce (below 2^12) and may have one of

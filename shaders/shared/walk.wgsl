@@ -199,6 +199,10 @@ fn scatter(
         (*state).d_vcm = min((*state).d_vcm * mis(density_gain(v.material, v.to_previous, s.direction)), MAX_SUM);
     }
     mis_scatter(state, v, s, select(sample_count_ratio(v) * selection_pdf(v), 1.0, is_sensor_subpath));
+    if (MERGES) {
+        let forgotten = select(PATH_SMOOTH | PATH_ONLY_SMOOTH, 0u, s.delta);
+        (*state).flags = ((*state).flags & ~forgotten) | select(0u, PATH_SMOOTH, s.delta);
+    }
     if (is_in_medium(v)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
         return true;

@@ -71,6 +71,7 @@ pub fn picture(path: &Path) -> Result<Picture> {
         seed: Some(about.seed.to_string()),
         renderer: Some(about.renderer),
         seconds: Some(about.seconds),
+        merged: None,
         gate: Some([gate.lo, gate.hi]),
         corner: [about.crop[0] as i32, about.crop[2] as i32],
     })

@@ -236,8 +236,8 @@ pub struct DevicesArgs {
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
     /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, street (with a car that moves), hidden-letter (for
-    /// scans), or zoo-area, zoo-punctual, zoo-beam (a room with every material, lit by an area lamp, by a point and a spot
-    /// light, or by a beam)
+    /// scans), windscreen (the street through glass), pool (a bed under water), or zoo-area, zoo-punctual, zoo-beam (a room with
+    /// every material, lit by an area lamp, by a point and a spot light, or by a beam)
     #[arg(value_name = "NAME")]
     pub name: String,
 

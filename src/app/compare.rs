@@ -11,7 +11,7 @@ use taugate::internals::compare::flip;
 use taugate::internals::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
 use taugate::internals::image::accumulation::file::read_about;
 use taugate::internals::image::batches::CellBatches;
-use taugate::internals::image::exr_file::{Picture, read_picture, write_plain};
+use taugate::internals::image::exr_file::{Merged, Picture, read_picture, write_plain};
 use taugate::internals::image::exr_header::read_size;
 use taugate::internals::image::png_file;
 
@@ -49,7 +49,8 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     let flip = flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
     let within = args.max_relmse.is_none_or(|max| result.relmse <= max);
     let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
-    if let Some(note) = content_difference(&image, &reference) {
+    let blurred = verdict.as_ref().and_then(|_| blur(&image, &reference));
+    for note in content_difference(&image, &reference).into_iter().chain(blurred) {
         super::say(&format!("note: {note}"));
     }
     if args.json {
@@ -85,6 +86,17 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         Some(Verdict::TooFewSamples) => 2,
         Some(Verdict::Agree) | None => 0,
     }))
+}
+
+/// A sentence about light that merging has blurred, which the noise of an image does not tell.
+fn blur(image: &Picture, reference: &Picture) -> Option<String> {
+    let merged = image.merged.into_iter().chain(reference.merged).filter(|merged| merged.share > 0.0);
+    let Merged { share, radius } = merged.max_by(|a, b| a.share.total_cmp(&b.share))?;
+    Some(format!(
+        "{:.1} % of the light was merged within {radius:.2} pixels or less, which blurs edges; a large z there may be this bias; render \
+         longer, or with a smaller --merge-radius",
+        100.0 * share
+    ))
 }
 
 /// A sentence about the difference if the metadata of the files name different crops or gates.

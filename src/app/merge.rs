@@ -166,6 +166,7 @@ fn provenance(about: &About, responses: Responses) -> Provenance {
         seed: about.seed,
         seconds: about.seconds,
         settings: about.settings.clone(),
+        merged: None,
     }
 }
 

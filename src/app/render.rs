@@ -224,7 +224,7 @@ impl Session {
 
         // Write.
         let renderer = &job.ready.renderer;
-        let provenance = Provenance::new(settings, job.seconds(), printed);
+        let provenance = Provenance { merged: renderer.merged(), ..Provenance::new(settings, job.seconds(), printed) };
         let warnings: Vec<String> = job.warnings().map(String::from).collect();
         let report = Report {
             renderer,

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 use taugate::Result;
 use taugate::internals::files::write_atomically;
-use taugate::internals::image::exr_file::{Provenance, version};
+use taugate::internals::image::exr_file::{Merged, Provenance, version};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::job::preparation::Preparation;
@@ -70,6 +70,8 @@ struct Numbers<'a> {
     /// Mean over all pixels and channels. The standard error is estimated from whole iterations; it is null with fewer than two.
     image_mean: f64,
     image_mean_standard_error: Option<f64>,
+    /// Light that merging found in this process; null if the render does not merge.
+    merged: Option<Merged>,
     /// How often the host waited for the device during iterations.
     waits: u64,
     /// Non-finite samples of all processes, which count as 0.
@@ -130,6 +132,7 @@ impl Report<'_> {
             rays_per_second: self.position().rays_per_second(),
             image_mean,
             image_mean_standard_error,
+            merged: self.provenance.merged,
             waits: stats.waits,
             samples_dropped: self.renderer.dropped(),
             connections_inside_gate: stats.live_share(),

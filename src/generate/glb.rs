@@ -273,6 +273,9 @@ impl File {
         if m.thickness != 0.0 {
             out["extras"]["thickness"] = number(m.thickness);
         }
+        if let Some(index) = m.group_ior {
+            out["extras"]["group_ior"] = number(index);
+        }
         out
     }
 

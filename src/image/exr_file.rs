@@ -37,6 +37,17 @@ pub struct Provenance {
     pub seconds: f64,
     /// The resolved experiment as TOML, which reproduces the render.
     pub settings: String,
+    /// `None` if the render does not merge.
+    pub merged: Option<Merged>,
+}
+
+/// Light of an image that merging found, which is blurred.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Merged {
+    /// Its share of the luminance of the image.
+    pub share: f64,
+    /// Radius in pixels of the last iteration.
+    pub radius: f64,
 }
 
 impl Provenance {
@@ -49,6 +60,7 @@ impl Provenance {
             seed: settings.seed(),
             seconds,
             settings: experiment,
+            merged: None,
         }
     }
 }
@@ -144,6 +156,10 @@ pub fn write_responses(
         ]
         .map(|(name, value)| (text(name), value)),
     );
+    if let Some(Merged { share, radius }) = provenance.merged {
+        attributes.other.insert(text("tof:mergedShare"), AttributeValue::F64(share));
+        attributes.other.insert(text("tof:mergeRadius_px"), AttributeValue::F64(radius));
+    }
     if let Some(period) = first.and_then(Response::period) {
         attributes.other.insert(text("tof:repeat_m"), AttributeValue::F64(period));
     }
@@ -246,6 +262,8 @@ pub struct Picture {
     pub renderer: Option<String>,
     /// Render time in seconds (`renderTimeSeconds`), if the file has it.
     pub seconds: Option<f64>,
+    /// Light that merging found, if the file says so.
+    pub merged: Option<Merged>,
     /// Ends of the gate in metres of optical path, if the file has them.
     pub gate: Option<[f64; 2]>,
     /// Column and row of the first pixel in the whole image.
@@ -308,6 +326,8 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         _ => None,
     };
     let gate = number("tof:gateMin_m").zip(number("tof:gateMax_m")).map(<[f64; 2]>::from);
+    let merged = number("tof:mergedShare").zip(number("tof:mergeRadius_px"));
+    let merged = merged.map(|(share, radius)| Merged { share, radius });
     let corner = difference(window.position, display.position).map(|x| x as i32);
     Ok(Picture {
         width: width as u32,
@@ -318,6 +338,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         seed,
         renderer,
         seconds,
+        merged,
         gate,
         corner,
     })

@@ -205,7 +205,9 @@ impl ReadyJob {
     /// Writes the images so far to an EXR file, with all channels and attributes of a file of `taugate render`: mean and variance of
     /// each response, auxiliary layers, and the settings. An existing file is replaced. Fails if the file cannot be written.
     pub fn write_exr(&self, path: &Path) -> Result<()> {
-        let provenance = Provenance::new(&self.ready.settings, self.seconds(), self.config.to_toml());
+        let merged = self.ready.renderer.merged();
+        let provenance =
+            Provenance { merged, ..Provenance::new(&self.ready.settings, self.seconds(), self.config.to_toml()) };
         exr_file::write_responses(path, self.film(), self.responses(), &provenance, &self.layers)
     }
 }

@@ -177,12 +177,12 @@ impl Part {
 
 impl Geometry {
     /// Travel time per length in the glass of a material, and the code of this glass (`shared/solid.wgsl`). `material`: index in
-    /// `materials`, or NONE outside of glass. `surrounding`: index of refraction and group index outside of glass.
-    pub fn around(&self, material: u32, [ior, group_index]: [f32; 2]) -> (f32, u32) {
+    /// `materials`, or NONE outside of glass. `surrounding`: group index outside of glass.
+    pub fn around(&self, material: u32, surrounding: f32) -> (f32, u32) {
         match self.materials.get(material as usize) {
-            None => (group_index, OUTSIDE_SOLIDS),
-            Some(glass) if glass.interior == NONE => (glass.ior * ior, CLEAR_SOLID),
-            Some(glass) => (glass.ior * ior, FIRST_INTERIOR + glass.interior),
+            None => (surrounding, OUTSIDE_SOLIDS),
+            Some(glass) if glass.interior == NONE => (glass.group_index, CLEAR_SOLID),
+            Some(glass) => (glass.group_index, FIRST_INTERIOR + glass.interior),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Warnings about solids of glass: turned ones, nested ones, ones that touch, and ones with an alpha below 1.
+//! Warnings about solids of glass: turned ones, nested ones, ones that touch, ones with an alpha below 1, and nearly smooth ones.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,11 +7,13 @@ use super::geometry::Geometry;
 use super::solids::Solids;
 use super::solids::nested::Sharing;
 use super::space::RenderSpace;
-use crate::scene::Scene;
+use crate::scene::{Instance, Scene};
 use crate::wgsl::layout::Triangle;
 
 /// Maximum number of warnings of each kind.
 const MAX_REPORTED: usize = 10;
+/// Roughness of glass that counts as nearly smooth: rough for the renderer, but with lobes so narrow that connections seldom find them.
+const NEARLY_SMOOTH: std::ops::Range<f32> = 0.032..0.145;
 /// Distance that separates two solids in all cases, relative to the size of the scene.
 const APART: f64 = 1e-4;
 
@@ -69,8 +71,33 @@ pub fn warnings(
              bent wrongly and arrives too early or too late; leave a gap of {distance:.0e} m between the two"
         ),
     });
-    let kinds = [turned.collect(), kept.collect(), in_itself.collect(), pairs.collect(), with_holes.collect()];
+    let nearly = names(&mut nearly_smooth(scene)).into_iter().map(|name| {
+        format!(
+            "the glass '{name}' is nearly smooth: connections seldom find its narrow lobes, so what lamps without a surface light behind it \
+             is noisy or black; use a roughness of 0, or one of at least 0.15"
+        )
+    });
+    let kinds = [
+        turned.collect(),
+        nearly.collect(),
+        kept.collect(),
+        in_itself.collect(),
+        pairs.collect(),
+        with_holes.collect(),
+    ];
     kinds.into_iter().flat_map(limited).collect()
+}
+
+/// Instances of solid glass that are nearly smooth, if there are lamps without a surface.
+fn nearly_smooth(scene: &Scene) -> impl Iterator<Item = u32> {
+    let is_near = |&(_, instance): &(u32, &Instance)| {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let material = &scene.materials[mesh.material as usize];
+        let bends = material.transmits() && !material.is_sheet(mesh);
+        bends && material.surface_texture.is_none() && NEARLY_SMOOTH.contains(&material.roughness)
+    };
+    let all = if scene.lights.is_empty() { &[][..] } else { &scene.instances };
+    (0..).zip(all).filter(is_near).map(|(number, _)| number)
 }
 
 /// The first of some sentences; a last one counts the others.
@@ -86,7 +113,8 @@ fn limited(mut sentences: Vec<String>) -> Vec<String> {
 /// The pairs of instances of glass that share space or a plane.
 fn sharing(geometry: &Geometry, solids: &Solids) -> BTreeMap<(u32, u32), Sharing> {
     let material = |number: u32| &geometry.materials[number as usize];
-    let is_like = |a: u32, b: u32| (material(a).ior, material(a).interior) == (material(b).ior, material(b).interior);
+    let indices = |number: u32| (material(number).ior, material(number).group_index, material(number).interior);
+    let is_like = |a: u32, b: u32| indices(a) == indices(b);
     let mut pairs = solids.nested(is_like);
     let close = solids.close();
     for (a, b) in coplanar::instances_in_one_plane(geometry, |t: &Triangle| close.contains(&t.instance)) {
@@ -136,6 +164,14 @@ mod tests {
 
     fn cube(lo: f64, hi: f64) -> Mesh {
         cuboid(DVec3::splat(lo), DVec3::splat(hi))
+    }
+
+    #[test]
+    fn nearly_smooth_glass_is_named() {
+        let of = |roughness| vec![("pane", cuboid(DVec3::ZERO, DVec3::ONE), Material { roughness, ..glass("glass") })];
+        expect(of(0.08), &["'pane' is nearly smooth"]);
+        expect(of(0.0), &[]);
+        expect(of(0.2), &[]);
     }
 
     #[test]

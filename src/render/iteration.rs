@@ -135,16 +135,21 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Calls `visit` with every
+    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Also traces photons, if the render
+    /// merges. Calls `visit` with every
     /// vertex that the sensor sees (t = 1).
     pub(super) fn build_pool(
         &mut self,
         iteration: &Iteration,
         visit: &mut impl FnMut(Contribution),
     ) -> Result<SortedPool> {
-        let Renderer { plan, scene, light, stats, .. } = self;
+        let Renderer { plan, scene, light, photons, stats, .. } = self;
         scene.write_frame(&plan.frame(iteration, None))?;
-        light.run(plan, visit, stats)?.sort(plan, stats)
+        let mut pool = light.run(plan, visit, stats)?.sort(plan, stats)?;
+        if let Some(photons) = photons {
+            pool.set_photons(photons.run(plan, iteration, stats)?);
+        }
+        Ok(pool)
     }
 
     pub(super) fn next_iteration(&self, samples: u32) -> Iteration {

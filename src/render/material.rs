@@ -24,7 +24,7 @@ host_twins! {
         f0_color: [f32; 3], specular_color_texture: u32,
         specular_texture: u32, clearcoat_texture: u32, clearcoat_roughness_texture: u32, interior: u32,
         retroreflection: f32, retroreflector_alpha: f32, transmission_texture: u32, thickness: f32,
-        absorption: [f32; 3], pad: f32,
+        absorption: [f32; 3], group_index: f32,
     }
 }
 
@@ -56,6 +56,7 @@ pub struct Features {
     pub glossy: bool,
     pub transmission: bool,
     pub transmission_textures: bool,
+    pub group_indices: bool,
     pub specular_colors: bool,
     pub clearcoat: bool,
     pub retroreflectors: bool,
@@ -82,7 +83,7 @@ impl Material {
 
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 16] {
+    pub fn constants(&self) -> [(&'static str, f64); 17] {
         [
             ("HAS_TEXTURES", self.textures),
             ("HAS_SURFACE_TEXTURES", self.surface_textures),
@@ -94,6 +95,7 @@ impl Features {
             ("HAS_GLOSSY", self.glossy),
             ("HAS_TRANSMISSION", self.transmission),
             ("HAS_TRANSMISSION_TEXTURES", self.transmission_textures),
+            ("HAS_GROUP_INDICES", self.group_indices),
             ("HAS_SPECULAR_COLORS", self.specular_colors),
             ("HAS_CLEARCOAT", self.clearcoat),
             ("HAS_RETROREFLECTORS", self.retroreflectors),
@@ -244,7 +246,10 @@ impl<'a> MaterialSet<'a> {
                 self.features.sheets = true;
                 self.features.delays |= thickness > 0.0;
             }
-            None if transmits => self.max_ior = self.max_ior.max(m.ior),
+            None if transmits => {
+                self.max_ior = self.max_ior.max(m.group_index());
+                self.features.group_indices |= m.group_index() != m.ior;
+            }
             None => {}
         }
         let thickness = f64::from(thickness.unwrap_or(0.0));
@@ -290,7 +295,7 @@ impl<'a> MaterialSet<'a> {
             transmission_texture: transmission_texture.unwrap_or(NONE),
             thickness: (thickness / self.unit) as f32,
             absorption: absorbed.map(|sigma| (sigma * thickness) as f32),
-            pad: 0.0,
+            group_index: m.group_ior.unwrap_or(ior * self.surrounding_ior),
         };
         let used = || material.textures().into_iter().filter(|&texture| texture != NONE);
         self.features.textures |= used().next().is_some();

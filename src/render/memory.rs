@@ -3,8 +3,9 @@
 use super::Renderer;
 use super::device_scene::DeviceScene;
 use super::light::LightTracer;
+use super::photons::PhotonTracer;
 use super::plan::Plan;
-use super::pool::DevicePool;
+use super::pool::{DevicePool, PoolSize};
 use super::prepared_scene::PreparedScene;
 use super::sensor::SensorTracer;
 use crate::error::{Error, Result};
@@ -153,6 +154,9 @@ pub(super) fn certain_buffers(info: &DeviceInfo, plan: &Plan, prepared: &Prepare
 fn iteration_buffers(info: &DeviceInfo, plan: &Plan, prepared: &PreparedScene) -> Vec<BufferDesc> {
     let mut buffer_descs = LightTracer::buffer_descs(info, plan);
     buffer_descs.extend(SensorTracer::buffer_descs(info, plan, plan.max_slots(&prepared.emitters)));
+    if plan.merging.is_some() {
+        buffer_descs.extend(PhotonTracer::buffer_descs(plan));
+    }
     buffer_descs
 }
 
@@ -162,7 +166,15 @@ fn pool_buffers(plan: &Plan, vertices: u32) -> Vec<BufferDesc> {
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
     let offsets = if plan.estimator.pool_order == PoolOrder::ByPath { plan.light_paths as usize + 1 } else { 0 };
     let records = if plan.estimator.pool_order == PoolOrder::Trees { vertices } else { 0 };
-    DevicePool::buffer_descs(vertices as usize, records as usize, nodes as usize, offsets)
+    let photons = if plan.merging.is_some() { plan.photons(plan.max_samples()) as usize } else { 0 };
+    DevicePool::buffer_descs(PoolSize {
+        vertices: vertices as usize,
+        records: records as usize,
+        nodes: nodes as usize,
+        offsets,
+        photons: photons.max(1),
+        photon_lists: photons.max(1),
+    })
 }
 
 /// Host bytes of the loaded scene: meshes, images and density grids.

@@ -5,21 +5,27 @@
 //! strategy. Paths of beams are worse off, because no surface connects to a beam. The host looks for such paths: it follows camera rays
 //! over smooth surfaces to the first D, and looks from there for the lamp, straight through panes and with light rays from the lamps.
 
+mod found;
 mod lamps;
+mod message;
 mod surfaces;
 mod targets;
-mod walk;
+pub mod walk;
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
+use super::photons;
 use super::prepared_scene::PreparedScene;
 use crate::scene::{Projection, Scene};
 use crate::settings::units::Gate;
-use crate::settings::{Settings, Strategies};
+use crate::settings::{Merge, Settings, Strategies};
+use found::{Contribution, Found, Pixel};
 use lamps::{Lamp, lamps};
+pub use message::MissingLight;
+pub use surfaces::is_smooth;
 use surfaces::nearest;
 use targets::{Target, targets};
 use walk::{Event, Ray, World};
@@ -38,78 +44,11 @@ const MAX_EVENTS: usize = 4;
 const REACH: f64 = 0.3;
 const GATHERED: usize = 8;
 const MIN_FOUND: usize = 3;
-/// A pixel is affected if it misses more than the first share of its light, and more than the second share of the brightest pixel.
-const MIN_MISSED: f64 = 0.02;
-const MIN_BRIGHTNESS: f64 = 1e-3;
-
-/// Light that no strategy of a render forms.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MissingLight {
-    /// Fraction of the pixels of the crop that miss light, in (0, 1].
-    pub share: f64,
-    /// Fraction of the light in these pixels that is missing, in (0, 1]. Counts the light of lamps without a surface that scatters once.
-    pub loss: f64,
-    /// Node of the lamp whose light is missing most.
-    pub lamp: String,
-    /// Node of the smooth glass or mirror on most of the paths.
-    pub object: String,
-    /// Whether the smooth surfaces are between lamp and scattering surface only. Estimators with light subpaths form these paths.
-    pub only_before: bool,
-    /// Whether --max-depth leaves out most of this light, because each crossing of solid glass is a segment.
-    pub too_long: bool,
-    /// Whether an estimator with light subpaths would form the paths of `only_before`: not for scans or fewer strategies.
-    pub has_remedy: bool,
-}
-
-impl MissingLight {
-    /// One sentence with the reason and the remedy.
-    pub fn describe(&self) -> String {
-        let MissingLight { share, loss, lamp, object, only_before, too_long, has_remedy } = self;
-        let pixels = match 100.0 * share {
-            percent if percent < 1.0 => "less than 1 % of the pixels miss".into(),
-            percent => format!("{percent:.0} % of the pixels miss"),
-        };
-        let loss = format!("about {:.0} % of the direct light there", (100.0 * loss).max(1.0));
-        if *too_long {
-            return format!(
-                "{pixels} light of '{lamp}' ({loss}): it passes smooth solid glass or mirrors, such as '{object}', where each crossing is a \
-                 segment, and --max-depth leaves out paths with so many segments; use a single plane in place of a pane, which costs none, \
-                 or a larger --max-depth"
-            );
-        }
-        let remedy = match has_remedy {
-            true => "use --estimator bdpt, or a lamp with a surface",
-            false => "use a lamp with a surface, or a single plane in place of a pane",
-        };
-        match only_before {
-            true => format!(
-                "{pixels} light of '{lamp}' ({loss}): it passes smooth glass or mirrors, such as '{object}', before a surface scatters it to the \
-                 camera, and this render forms no such paths; {remedy}"
-            ),
-            false => format!(
-                "{pixels} light of '{lamp}' ({loss}), which has no surface: the light passes smooth glass or mirrors, such as '{object}', both before \
-                 and after it is scattered, and no strategy forms such paths; use a single plane in place of a \
-                 pane; or, with much more noise, a lamp with a surface (a small emissive mesh) or a roughness of at least 0.05"
-            ),
-        }
-    }
-}
 
 /// As [`missing_light`], whatever the gate.
 pub fn missing_light_at_any_time(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Option<MissingLight> {
     let open = settings.change().gate(Gate::OPEN).build().ok()?;
     missing_light(scene, &open, prepared)
-}
-
-/// Light of one pixel, formed and missing.
-#[derive(Default, Clone)]
-struct Pixel {
-    formed: f64,
-    missing: f64,
-    /// Part of `missing` whose smooth surfaces are on both sides of the scattering event.
-    on_both_sides: f64,
-    /// Part of `missing` whose paths have more than max_depth segments.
-    too_long: f64,
 }
 
 /// A light ray that has scattered at an event, and its lamp.
@@ -123,58 +62,69 @@ struct Photon {
 /// moved since.
 pub fn missing_light(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Option<MissingLight> {
     let search = Search::new(scene, settings, prepared)?;
-    let mut found = Found { pixels: vec![], lamps: vec![0.0; search.lamps.len()], objects: BTreeMap::new() };
-    let rays = camera_rays(scene, settings, prepared);
-    let events: Vec<Vec<Event>> = rays
-        .par_iter()
-        .map(|ray| {
-            let mut events = vec![];
-            search.world.walk(*ray, &mut |event| events.push(event));
-            events
-        })
-        .collect();
-    let is_candidate = |event: &Event| event.path.smooth > 0 || !search.connects_camera;
-    if !events.iter().flatten().any(is_candidate) {
-        return None;
-    }
-
-    // Light that comes straight from the lamps, also through panes.
-    found.pixels = vec![Pixel::default(); rays.len()];
-    let straight: Vec<Vec<Contribution>> =
-        events.par_iter().map(|events| events.iter().flat_map(|event| search.straight(event)).collect()).collect();
-    for (number, contributions) in straight.into_iter().enumerate() {
-        contributions.into_iter().for_each(|contribution| found.add(number, contribution));
-    }
-
-    // Light over mirrors and bent glass.
-    let open: Vec<usize> = (0..rays.len())
-        .filter(|&number| events[number].iter().any(is_candidate) && !found.pixels[number].is_affected(0.0))
-        .collect();
-    if !open.is_empty() {
-        let photons = search.photons();
-        let gather = |&number: &usize| {
-            let on_surface = |event: &&Event| is_candidate(event) && event.normal.is_some();
-            let mut events: Vec<&Event> = events[number].iter().filter(on_surface).collect();
-            events.sort_by(|a, b| b.path.weight.total_cmp(&a.path.weight));
-            let events = events.into_iter().take(MAX_EVENTS);
-            (number, events.flat_map(|event| search.gather(event, &photons)).collect())
-        };
-        let gathered: Vec<(usize, Vec<Contribution>)> = open.par_iter().map(gather).collect();
-        for (number, contributions) in gathered {
-            contributions.into_iter().for_each(|contribution| found.add(number, contribution));
-        }
-    }
-    found.summary(scene, &search)
+    search.run(scene, settings, prepared)?.summary(scene, &search)
 }
 
-/// Light of a lamp at an event, times the share of the event.
-struct Contribution {
-    light: f64,
-    is_missing: bool,
-    on_both_sides: bool,
-    is_too_long: bool,
-    lamp: usize,
-    object: Option<u32>,
+/// The light that only merging finds, at any time: travel times in metres, and luminance averaged over the pixels of the crop.
+/// Empty if the render does not merge. An estimate.
+pub fn merged_light(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Vec<(f64, f64)> {
+    let open = settings.change().gate(Gate::OPEN).build().ok();
+    let search = open.filter(|_| photons::merges(scene, settings, prepared));
+    let search = search.and_then(|open| Search::new(scene, &open, prepared));
+    let found = search.and_then(|search| search.run(scene, settings, prepared));
+    found.map_or(vec![], |found| {
+        let share = 1.0 / (PI * found.pixels.len() as f64);
+        found.merged.into_iter().map(|(tau, light)| (tau, light * share)).collect()
+    })
+}
+
+impl Search<'_> {
+    /// Looks at camera rays of the crop. `None` if none of them could miss light.
+    fn run(&self, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Option<Found> {
+        let mut found = Found::new(self.lamps.len());
+        let rays = camera_rays(scene, settings, prepared);
+        let events: Vec<Vec<Event>> = rays
+            .par_iter()
+            .map(|ray| {
+                let mut events = vec![];
+                self.world.walk(*ray, &mut |event| events.push(event));
+                events
+            })
+            .collect();
+        let is_candidate = |event: &Event| event.path.smooth > 0 || !self.connects_camera;
+        if !events.iter().flatten().any(is_candidate) {
+            return None;
+        }
+
+        // Light that comes straight from the lamps, also through panes.
+        found.pixels = vec![Pixel::default(); rays.len()];
+        let straight: Vec<Vec<Contribution>> =
+            events.par_iter().map(|events| events.iter().flat_map(|event| self.straight(event)).collect()).collect();
+        for (number, contributions) in straight.into_iter().enumerate() {
+            contributions.into_iter().for_each(|contribution| found.add(number, contribution));
+        }
+
+        // Light over mirrors and bent glass.
+        let open: Vec<usize> = (0..rays.len())
+            .filter(|&number| events[number].iter().any(is_candidate))
+            .filter(|&number| !found.pixels[number].is_affected(0.0) && !found.pixels[number].is_merged)
+            .collect();
+        if !open.is_empty() {
+            let photons = self.photons();
+            let gather = |&number: &usize| {
+                let on_surface = |event: &&Event| is_candidate(event) && event.normal.is_some();
+                let mut events: Vec<&Event> = events[number].iter().filter(on_surface).collect();
+                events.sort_by(|a, b| b.path.weight.total_cmp(&a.path.weight));
+                let events = events.into_iter().take(MAX_EVENTS);
+                (number, events.flat_map(|event| self.gather(event, &photons)).collect())
+            };
+            let gathered: Vec<(usize, Vec<Contribution>)> = open.par_iter().map(gather).collect();
+            for (number, contributions) in gathered {
+                contributions.into_iter().for_each(|contribution| found.add(number, contribution));
+            }
+        }
+        Some(found)
+    }
 }
 
 struct Search<'a> {
@@ -184,6 +134,10 @@ struct Search<'a> {
     /// Whether light subpaths are connected to the camera (t = 1), and whether those of other estimators would be.
     connects_camera: bool,
     may_connect_camera: bool,
+    /// Whether surfaces gather the light of all paths.
+    merges: bool,
+    /// Whether they would, but for `--merge off`.
+    is_switched_off: bool,
     gate: Gate,
     max_depth: u32,
     unit: f64,
@@ -203,11 +157,13 @@ impl<'a> Search<'a> {
         let is_aimed = scene.cameras[settings.camera()].projection.aims().is_some();
         let has_light_subpaths = settings.estimator().record().light_subpaths && settings.max_depth() >= 2;
         Some(Search {
-            world: World(prepared),
+            world: World { geometry: &prepared.geometry, media: &prepared.media },
             lamps,
             targets,
             connects_camera: has_light_subpaths && settings.strategies() == Strategies::All && !is_aimed,
             may_connect_camera: settings.strategies() == Strategies::All && !is_aimed,
+            merges: photons::merges(scene, settings, prepared),
+            is_switched_off: settings.merge() == Merge::Off && photons::can_merge(scene, settings, prepared),
             gate: settings.responses().support(),
             max_depth: settings.max_depth(),
             unit: prepared.space.unit,
@@ -234,11 +190,16 @@ impl<'a> Search<'a> {
         let after = event.path.smooth > 0;
         let is_cut_off_from_lamp = smooth > 0 || self.lamps[lamp].is_beam();
         let is_cut_off_from_camera = after || !self.connects_camera;
-        let is_missing = crossings > 0 && (is_too_long || is_cut_off_from_lamp && is_cut_off_from_camera);
+        let is_gathered = self.merges && (self.connects_camera || !self.lamps[lamp].is_beam());
+        let is_cut_off = is_cut_off_from_lamp && is_cut_off_from_camera && !is_gathered;
+        let is_missing = crossings > 0 && (is_too_long || is_cut_off);
+        let is_merged = is_gathered && is_cut_off_from_lamp && is_cut_off_from_camera && !is_missing;
         let object = event.path.object.or(object);
         Some(Contribution {
             light: event.path.weight * irradiance,
+            tau: self.unit * (event.path.tau + tau),
             is_missing,
+            is_merged,
             on_both_sides: after,
             is_too_long,
             lamp,
@@ -274,7 +235,7 @@ impl<'a> Search<'a> {
             pairs.extend(targets.into_iter().take(MAX_TARGETS).map(|target| (number, Some(target))));
         }
         let count = (LIGHT_RAYS / pairs.len().max(1) as u32).max(MIN_LIGHT_RAYS);
-        let geometry = &self.world.0.geometry;
+        let World { geometry, .. } = self.world;
         let bounds = geometry.bvh.host.total_aabb;
         let far = 2.0 * f64::from((bounds.max - bounds.min).length()).max(1e-9);
         let rays = pairs.par_iter().flat_map_iter(|&(number, target)| {
@@ -331,60 +292,6 @@ impl<'a> Search<'a> {
     }
 }
 
-/// What the search has found so far.
-struct Found {
-    pixels: Vec<Pixel>,
-    /// Missing light by lamp and by instance.
-    lamps: Vec<f64>,
-    objects: BTreeMap<u32, f64>,
-}
-
-impl Found {
-    fn add(&mut self, pixel: usize, contribution: Contribution) {
-        let Contribution { light, is_missing, on_both_sides, is_too_long, lamp, object } = contribution;
-        let pixel = &mut self.pixels[pixel];
-        if !is_missing {
-            pixel.formed += light;
-            return;
-        }
-        pixel.missing += light;
-        pixel.on_both_sides += if on_both_sides { light } else { 0.0 };
-        pixel.too_long += if is_too_long { light } else { 0.0 };
-        self.lamps[lamp] += light;
-        if let Some(object) = object {
-            *self.objects.entry(object).or_default() += light;
-        }
-    }
-
-    fn summary(&self, scene: &Scene, search: &Search) -> Option<MissingLight> {
-        let brightest = self.pixels.iter().map(|pixel| pixel.formed + pixel.missing).fold(0.0, f64::max);
-        let affected: Vec<&Pixel> = self.pixels.iter().filter(|pixel| pixel.is_affected(brightest)).collect();
-        if affected.is_empty() {
-            return None;
-        }
-        let lamp = (0..self.lamps.len()).max_by(|&a, &b| self.lamps[a].total_cmp(&self.lamps[b]))?;
-        let object = self.objects.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(instance, _)| *instance);
-        let object = object.map_or(String::new(), |instance| scene.instances[instance as usize].node.clone());
-        let sum = |of: fn(&Pixel) -> f64| affected.iter().map(|pixel| of(pixel)).sum::<f64>();
-        Some(MissingLight {
-            loss: sum(|pixel| pixel.missing) / sum(|pixel| pixel.missing + pixel.formed),
-            share: affected.len() as f64 / self.pixels.len() as f64,
-            lamp: search.lamps[lamp].light.node.clone(),
-            object,
-            too_long: sum(|pixel| pixel.too_long) > 0.5 * sum(|pixel| pixel.missing),
-            has_remedy: search.may_connect_camera,
-            only_before: affected.iter().all(|pixel| pixel.on_both_sides <= MIN_MISSED * pixel.missing),
-        })
-    }
-}
-
-impl Pixel {
-    fn is_affected(&self, brightest: f64) -> bool {
-        let all = self.formed + self.missing;
-        self.missing > MIN_MISSED * all && self.missing > MIN_BRIGHTNESS * brightest
-    }
-}
-
 /// Evenly spaced camera rays of the crop, or one ray per pixel of aimed cameras, at most SIDE^2 of them.
 fn camera_rays(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Vec<Ray> {
     let camera = &scene.cameras[settings.camera()];
@@ -411,7 +318,7 @@ fn camera_rays(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> 
         let origin = prepared.space.point(camera.origin(resolution, film)).as_dvec3();
         let tau = -prepared.space.length(omitted) * f64::from(prepared.media.surrounding[1]);
         let direction = camera.direction(resolution, film);
-        Ray { origin, direction, leaves: None, weight: 1.0, tau, length: 0.0, smooth: 0, object: None, solid }
+        Ray { tau, ..Ray::start(origin, direction, solid) }
     };
     (0..down)
         .flat_map(|row| (0..across).map(move |column| (column, row)))

@@ -28,6 +28,7 @@ mod null_boundary;
 mod oversized;
 mod pace;
 pub mod phase;
+mod photons;
 mod pinhole_in_fog;
 mod plan;
 mod pool;
@@ -74,6 +75,7 @@ use light::LightTracer;
 pub use memory::MemoryPlan;
 pub use missing_light::{MissingLight, missing_light, missing_light_at_any_time};
 pub use pace::seconds_per_sample;
+use photons::PhotonTracer;
 pub use plan::Tuning;
 use plan::{Observe, Plan};
 pub use pool::leaf_record;
@@ -96,6 +98,8 @@ pub struct Renderer {
     plan: Plan,
     scene: DeviceScene,
     light: LightTracer,
+    /// `None` if the render does not merge.
+    photons: Option<PhotonTracer>,
     sensor: SensorPhase,
     /// `None` if every pixel has the same number of samples.
     allocation: Option<Allocation>,
@@ -193,6 +197,7 @@ impl Renderer {
         let light = stats.prepared(stage::COMPILE, || {
             LightTracer::new(device, &scene, &plan, &compaction, &prepared.emitters.deterministic)
         })?;
+        let photons = plan.merging.is_some().then(|| PhotonTracer::new(device, &scene, &plan, prepared)).transpose()?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = prepared.triangles() as u64;
         let film = Film::new(width, height);
@@ -205,6 +210,7 @@ impl Renderer {
             plan,
             scene,
             light,
+            photons,
             sensor,
             allocation,
             film,

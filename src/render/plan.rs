@@ -4,6 +4,7 @@
 mod camera;
 mod choice;
 mod constants;
+mod merging;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -12,6 +13,7 @@ use glam::Vec3;
 
 use super::emitters::EmitterSet;
 use super::material::Features;
+use super::photons;
 use super::pool_layout::PoolLayout;
 use super::prepared_scene::PreparedScene;
 use super::samples::{MAX_AIMED_SAMPLES, MAX_AVERAGE_SAMPLES};
@@ -29,6 +31,7 @@ use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 use camera::CameraKind;
 use choice::Choice;
+use merging::Merging;
 
 /// Represents infinity on the device. Its sum with any travel time is still finite.
 const OPEN: f32 = 3e38;
@@ -134,6 +137,8 @@ pub struct Plan {
     pub traces_light: bool,
     /// Whether light vertices are connected to the sensor (t = 1).
     pub splats: bool,
+    /// Whether and how shade points gather photons (`photons.rs`).
+    pub merging: Option<Merging>,
     /// Indices in the emitter table of the beams of zero radius, whose subpaths all begin with the same ray.
     pub thin_beams: Range<u32>,
     /// Maximum number of deterministic vertices: one per punctual light, and one per thin beam if the beam hits a surface.
@@ -191,6 +196,7 @@ impl Plan {
             frame.keep_t1 = 0.0;
         }
         let emitter_count = frame.emitter_count;
+        let observe = if settings.responses().is_single_box() { Observe::Nothing } else { Observe::Responses };
         let mut plan = Plan {
             estimator,
             choice,
@@ -224,10 +230,11 @@ impl Plan {
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
             splats: traces_light && all && !is_aimed,
+            merging: photons::merges(scene, settings, prepared).then(|| Merging::new(settings, prepared)),
             thin_beams: emitter_count - emitters.thin_beams..emitter_count,
             max_deterministic: emitters.deterministic.len() as u32 + if traces_light { emitters.thin_beams } else { 0 },
             tuning: Tuning::default(),
-            observe: if settings.responses().is_single_box() { Observe::Nothing } else { Observe::Responses },
+            observe,
             cull: !settings.no_cull(),
             travel_time_bounds: TravelTimeBounds::new(prepared, settings),
             prepared_sensor: prepared.sensor,
@@ -299,6 +306,7 @@ impl Plan {
         self.frame.gate_lo = (gate.lo - max_delay) as f32;
         self.frame.gate_hi = hi;
         self.frame.rounding_allowance = rounding_allowance;
+        self.frame.merge_slot = if closed { ((gate.hi - gate.lo) / self.responses.len() as f64) as f32 } else { OPEN };
         let width = gate.hi - gate.lo + max_delay;
         // A detour is at least as long as the gate is wide. If the path with the detour is inside the gate, the straight connection
         // is too short for the gate. So no pair of vertices has both kinds of connections. Detours must also be longer than their
@@ -309,6 +317,12 @@ impl Plan {
             / (width * f64::from(MEAN_ARC))) as f32;
         self.frame.cull_hi = if self.cull && closed { hi + rounding_allowance } else { OPEN };
         self.omitted_time = omitted as f32;
+    }
+
+    /// Reports contributions to the host instead of rendering. Merging, which adds light of many photons at once, is then off.
+    pub fn observe(&mut self, observe: Observe) {
+        self.observe = observe;
+        self.merging = None;
     }
 
     /// Whether a render with these kernels can begin again with `responses`.
@@ -349,6 +363,9 @@ impl Plan {
             tree4_root: if all { 0 } else { NONE },
             longest_path: self.max_depth,
             vertices: 0,
+            photon_cells_per_length: 0.0,
+            photon_list_mask: 0,
+            max_merge_radius: 0.0,
         })
     }
 
@@ -364,6 +381,7 @@ impl Plan {
             ..self.frame
         };
         if let Some((pool, slots)) = pool {
+            self.set_photons(&mut frame, pool, number);
             frame.deterministic_count = pool.deterministic;
             frame.vertex_count = pool.vertices;
             frame.emitter_vertex_count = pool.emitter_vertices;
@@ -373,6 +391,7 @@ impl Plan {
         } else {
             // A sensor subpath begins at minus the omitted length, but a light subpath begins at 0.
             frame.cull_hi += self.omitted_time;
+            frame.max_merge_radius = self.largest_merge_radius(number);
         }
         frame
     }

@@ -4,6 +4,7 @@
 use bytemuck::Zeroable;
 use rayon::prelude::*;
 
+use super::photons::PhotonMap;
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
 use super::selection_cdf::set_selection_cdf;
@@ -13,7 +14,7 @@ use crate::estimators::PoolOrder;
 use crate::gpu::{Allocate, Buffer, BufferDesc, BufferList, Device};
 use crate::lightcone::tree::{Item, Tree, TreeOptions, bounds};
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{LeafRecord, NONE, PathVertex, TreeChild, TreeNode};
+use crate::wgsl::layout::{LeafRecord, NONE, PathVertex, Photon, TreeChild, TreeNode};
 
 /// Light vertices of an iteration, by kind. [`LightPool::sort`] puts them into the order that the estimator's kernels expect.
 #[derive(Default)]
@@ -57,6 +58,8 @@ pub struct DevicePool<A: Allocate = Device> {
     records: A::Buffer,
     nodes: A::Buffer,
     offsets: A::Buffer,
+    photons: A::Buffer,
+    photon_lists: A::Buffer,
 }
 
 /// The arrays of a pool, ready for upload.
@@ -66,7 +69,19 @@ pub struct SortedPool {
     pub records: Vec<LeafRecord>,
     pub nodes: Vec<TreeNode>,
     pub offsets: Vec<u32>,
+    /// Empty if the render does not merge.
+    pub photons: PhotonMap,
     pub layout: PoolLayout,
+}
+
+impl SortedPool {
+    /// Adds the photons of the iteration.
+    pub fn set_photons(&mut self, photons: PhotonMap) {
+        self.layout.photon_cells_per_length = photons.cells_per_length;
+        self.layout.photon_list_mask = (photons.lists.len() as u32).saturating_sub(2);
+        self.layout.max_merge_radius = photons.max_radius;
+        self.photons = photons;
+    }
 }
 
 impl LightPool {
@@ -126,6 +141,9 @@ impl LightPool {
             tree4_root: NONE,
             longest_path: 0,
             vertices: 0,
+            photon_cells_per_length: 0.0,
+            photon_list_mask: 0,
+            max_merge_radius: 0.0,
         }
     }
 
@@ -140,7 +158,7 @@ impl LightPool {
         let mut vertices = self.deterministic_with_cdf();
         vertices.extend_from_slice(&self.emitter_points.vertices);
         let layout = PoolLayout { emitter_vertices: self.emitter_points.len() as u32, ..self.layout() };
-        SortedPool { vertices, records: vec![], nodes: vec![], offsets: vec![], layout }
+        SortedPool { vertices, records: vec![], nodes: vec![], offsets: vec![], photons: PhotonMap::default(), layout }
     }
 
     /// Counting sort by light path. The vertices of a path stay in the order of the path.
@@ -174,6 +192,7 @@ impl LightPool {
             records: vec![],
             nodes: vec![],
             offsets,
+            photons: PhotonMap::default(),
             layout: PoolLayout { longest_path, ..self.layout() },
         }
     }
@@ -198,6 +217,7 @@ impl LightPool {
             records: vec![],
             nodes,
             offsets: vec![],
+            photons: PhotonMap::default(),
             layout: PoolLayout { tree4_root, ..self.layout() },
         }
     }
@@ -244,6 +264,7 @@ impl LightPool {
             vertices,
             nodes: [tree3.nodes, tree4.nodes].concat(),
             offsets: vec![],
+            photons: PhotonMap::default(),
             layout,
         }
     }
@@ -289,15 +310,30 @@ fn pack_direction(v: [f32; 3]) -> u32 {
     bits[0] | bits[1] << 10 | bits[2] << 20
 }
 
+/// Number of entries of the arrays of a pool.
+#[derive(Clone, Copy)]
+pub struct PoolSize {
+    pub vertices: usize,
+    pub records: usize,
+    pub nodes: usize,
+    pub offsets: usize,
+    pub photons: usize,
+    pub photon_lists: usize,
+}
+
 impl<A: Allocate> DevicePool<A> {
-    fn allocate(to: &A, vertices: usize, records: usize, nodes: usize, offsets: usize) -> Result<DevicePool<A>> {
+    fn allocate(to: &A, size: PoolSize) -> Result<DevicePool<A>> {
+        let PoolSize { vertices, records, nodes, offsets, photons, photon_lists } = size;
         let remedy = "use fewer --light-paths";
+        let fewer = "use a smaller --resolution, or --merge off";
         let room = |n: usize| n + n / 8 + 64;
         Ok(DevicePool {
             vertices: to.buffer(BufferDesc::of_texels::<PathVertex>("light vertices", room(vertices), remedy))?,
             records: to.buffer(BufferDesc::of_texels::<LeafRecord>("leaf records", room(records), remedy))?,
             nodes: to.buffer(BufferDesc::of_texels::<TreeNode>("tree nodes", room(nodes), remedy))?,
             offsets: to.buffer(BufferDesc::of::<u32>("light path offsets", offsets, remedy))?,
+            photons: to.buffer(BufferDesc::of_texels::<Photon>("photons", photons, fewer))?,
+            photon_lists: to.buffer(BufferDesc::of::<u32>("lists of photons", photon_lists, fewer))?,
         })
     }
 }
@@ -305,20 +341,25 @@ impl<A: Allocate> DevicePool<A> {
 impl DevicePool {
     /// Uploads `pool` into new buffers with some extra room, because the size of the pool varies from iteration to iteration.
     pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
+        let room = |n: usize| n + n / 8;
         let mut buffers = DevicePool::allocate(
             device,
-            pool.vertices.len(),
-            pool.records.len(),
-            pool.nodes.len(),
-            pool.offsets.len(),
+            PoolSize {
+                vertices: pool.vertices.len(),
+                records: pool.records.len(),
+                nodes: pool.nodes.len(),
+                offsets: pool.offsets.len(),
+                photons: room(pool.photons.photons.len()).max(1),
+                photon_lists: pool.photons.lists.len().max(1),
+            },
         )?;
         buffers.replace(pool)?;
         Ok(buffers)
     }
 
     /// Descriptors of the buffers for a pool of this size, extra room included.
-    pub fn buffer_descs(vertices: usize, records: usize, nodes: usize, offsets: usize) -> Vec<BufferDesc> {
-        BufferList::of(|list| DevicePool::allocate(list, vertices, records, nodes, offsets))
+    pub fn buffer_descs(size: PoolSize) -> Vec<BufferDesc> {
+        BufferList::of(|list| DevicePool::allocate(list, size))
     }
 
     /// Overwrites the buffers with `pool`. Returns false, and writes nothing, if `pool` does not fit.
@@ -328,6 +369,8 @@ impl DevicePool {
             || !fits(&self.records, size_of_val(&pool.records[..]))
             || !fits(&self.nodes, size_of_val(&pool.nodes[..]))
             || !fits(&self.offsets, size_of_val(&pool.offsets[..]))
+            || !fits(&self.photons, size_of_val(&pool.photons.photons[..]))
+            || !fits(&self.photon_lists, size_of_val(&pool.photons.lists[..]))
         {
             return Ok(false);
         }
@@ -335,6 +378,8 @@ impl DevicePool {
         self.records.write(0, &pool.records)?;
         self.nodes.write(0, &pool.nodes)?;
         self.offsets.write(0, &pool.offsets)?;
+        self.photons.write(0, &pool.photons.photons)?;
+        self.photon_lists.write(0, &pool.photons.lists)?;
         Ok(true)
     }
 
@@ -344,6 +389,8 @@ impl DevicePool {
             ("leaf_records", &self.records),
             ("tree_nodes", &self.nodes),
             ("path_offsets", &self.offsets),
+            ("photons", &self.photons),
+            ("photon_lists", &self.photon_lists),
         ]
     }
 }

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::compaction::Compaction;
 use super::light::LightTracer;
+use super::photons::PhotonTracer;
 use super::plan::Plan;
 use super::sensor::SensorTracer;
 use crate::error::Result;
@@ -16,7 +17,8 @@ pub fn compile_all(device: &Device, plan: &Plan) -> Result<()> {
         return Ok(());
     }
     let constants = plan.constants();
-    let files = [SensorTracer::files(plan), LightTracer::files(device.info(), plan)].concat();
+    let photons: &[&'static str] = if plan.merging.is_some() { &[PhotonTracer::FILE] } else { &[] };
+    let files = [&SensorTracer::files(plan)[..], &LightTracer::files(device.info(), plan), photons].concat();
     let mut entries: Vec<(&'static str, &str)> = files.into_iter().map(|file| (file, file)).collect();
     entries.extend(Compaction::ENTRIES.map(|entry| (Compaction::FILE, entry)));
     let compile = |(file, entry)| Kernel::new(device, file, entry, &constants).map(drop);

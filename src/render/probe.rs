@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Renderer;
 use super::emitters::luminance;
+use super::missing_light::merged_light;
 use super::plan::{Observe, Plan};
 use super::prepared_scene::PreparedScene;
 use super::samples::MAX_SAMPLES_PER_PIXEL;
@@ -109,6 +110,7 @@ impl TravelTimes {
 
 /// Renders a small image of the same crop as `settings`, without a gate and with all strategies, and returns its travel times.
 pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<TravelTimes> {
+    let merged = merged_light(scene, settings, prepared);
     let settings = small(settings);
     let mut renderer = observer(device, scene, &settings, prepared)?;
     let mut times = TravelTimes::default();
@@ -119,6 +121,10 @@ pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Pre
     let iterations = (ITERATIONS * SAMPLES / (samples * pixels)).clamp(ITERATIONS, MAX_ITERATIONS);
     for _ in 0..iterations {
         renderer.observe(samples, &mut |seen| times.add(unit * seen.tau, luminance(seen.rgb)))?;
+    }
+    // The device observes connections only. Contributions are parts of the mean of a pixel.
+    for (tau, light) in merged {
+        times.add(tau as f32, light * f64::from(iterations) * f64::from(pixels));
     }
     Ok(times)
 }
@@ -131,7 +137,7 @@ pub(super) fn observer(
     prepared: &PreparedScene,
 ) -> Result<Renderer> {
     let mut plan = Plan::new(scene, settings, prepared, device.info().quirks)?;
-    plan.observe = Observe::Times;
+    plan.observe(Observe::Times);
     Renderer::from_plan(device, plan, [1, 1], scene, prepared)
 }
 

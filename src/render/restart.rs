@@ -59,8 +59,12 @@ impl Renderer {
             return Ok(false);
         }
         // This may fail, so it comes before the plan changes.
-        self.scene.write_aims(&self.plan.space.aims(camera))?;
+        let aims = self.plan.space.aims(camera);
+        self.scene.write_aims(&aims)?;
         self.plan.set_camera(camera);
+        if let Some(photons) = &mut self.photons {
+            photons.set_camera(aims);
+        }
         self.clear();
         Ok(true)
     }
@@ -91,6 +95,9 @@ impl Renderer {
         self.scene.write_emitters(&prepared.emitters.table)?;
         self.light.set_punctual(&prepared.emitters.deterministic);
         self.plan.set_lights(prepared, settings);
+        if let Some(photons) = &mut self.photons {
+            photons.set_lights(prepared);
+        }
         self.clear();
         Ok(())
     }
@@ -101,6 +108,9 @@ impl Renderer {
     pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
         self.light.set_punctual(&prepared.emitters.deterministic);
+        if let Some(photons) = &mut self.photons {
+            photons.set_lights(prepared);
+        }
         self.plan.move_lights(prepared, distance);
         self.clear();
         Ok(())

@@ -33,7 +33,7 @@ pub use tiles::Tiles;
 
 /// Indices of the list counters: living paths (two lists that alternate between bounces), shade points, live candidates.
 const LIVING: [u32; 2] = [LIVING_LIST, LIVING_LIST + 1];
-const SHADE: u32 = 2;
+const SHADE: u32 = SHADE_LIST;
 const CANDIDATES: u32 = CANDIDATE_LIST;
 
 /// Number of workgroups per dispatch that every Vulkan device allows.
@@ -90,7 +90,8 @@ impl SensorTracer {
             "gather",
             "resolve",
         ];
-        ellipsoids.into_iter().chain(others).collect()
+        let merge = plan.merging.is_some().then_some("merge");
+        ellipsoids.into_iter().chain(merge).chain(others).collect()
     }
 
     /// Allocates the buffers for `slots` candidate slots per shade point.
@@ -144,7 +145,7 @@ impl SensorTracer {
         let by_slots = limit / (16 * u64::from(slots));
         let by_observed = match plan.observe {
             Observe::Nothing => u64::MAX,
-            _ => limit / (size_of::<SensorContribution>() as u64 * u64::from(1 + slots)),
+            _ => limit / (size_of::<SensorContribution>() as u64 * u64::from(1 + slots + plan.merged_entries())),
         };
         // Every slot may hold a live candidate, and one dispatch over the candidates must not exceed the limit on workgroups.
         let by_groups = u64::from(MIN_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
@@ -160,7 +161,7 @@ impl SensorTracer {
             return 1;
         }
         let size = size_of::<SensorContribution>() as u64;
-        let of_bounce = paths as u64 * u64::from(1 + slots);
+        let of_bounce = paths as u64 * u64::from(1 + slots + plan.merged_entries());
         let [on_cpu, on_card] = MAX_OBSERVED_BYTES;
         let usual = (if info.is_cpu() { on_cpu } else { on_card }) / size;
         let wanted = plan.tuning.observed.map_or(usual, |count| count as u64).min(info.largest_buffer() / size);

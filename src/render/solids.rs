@@ -172,7 +172,7 @@ mod tests {
     fn index_around(eye: DVec3, transform: DAffine3) -> f32 {
         let prepared = balls(eye, transform);
         let found = prepared.solids.material_at(prepared.space.point(eye));
-        prepared.geometry.around(found, [1.0; 2]).0
+        prepared.geometry.around(found, 1.0).0
     }
 
     #[test]
@@ -191,7 +191,7 @@ mod tests {
     fn emitters_know_the_glass_around_them() {
         let prepared = balls(DVec3::Z * 4.0, DAffine3::IDENTITY);
         let table = &prepared.emitters.table;
-        let indices = table.iter().map(|entry| prepared.geometry.around(entry.solid, [1.0; 2]).0);
+        let indices = table.iter().map(|entry| prepared.geometry.around(entry.solid, 1.0).0);
         let in_glass = indices.filter(|&index| index == 1.5).count();
         assert_eq!((in_glass, table.len()), (table.len() / 2, 640));
     }

@@ -64,7 +64,7 @@ impl StrategyImages {
         StrategyImages::check(settings)?;
         let [width, height] = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, prepared, device.info().quirks)?;
-        plan.observe = Observe::Strategies;
+        plan.observe(Observe::Strategies);
         let strategies = strategies(settings, plan.estimator.ellipsoids != Ellipsoids::None);
         check_memory(settings, strategies.len())?;
         let renderer = Renderer::from_plan(device, plan, [1, 1], scene, prepared)?;

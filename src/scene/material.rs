@@ -98,6 +98,8 @@ pub struct Material {
     pub specular_color_texture: Option<u32>,
     /// Index of refraction, >= 1.
     pub ior: f32,
+    /// Group index of transmissive solids, >= 1: travel time per length. `None`: `ior`. Thin glass has none of its own.
+    pub group_ior: Option<f32>,
     /// KHR_materials_transmission, in [0, 1].
     pub transmission: f32,
     /// Index into [`Scene::textures`](super::Scene::textures). Its red channel multiplies `transmission`; linear.
@@ -128,6 +130,11 @@ pub struct Material {
 }
 
 impl Material {
+    /// Travel time per length in solids of this material.
+    pub fn group_index(&self) -> f32 {
+        self.group_ior.unwrap_or(self.ior)
+    }
+
     /// A Lambertian material, double-sided. `rgb` is the albedo.
     pub fn diffuse(name: &str, rgb: [f32; 3]) -> Material {
         Material {
@@ -146,6 +153,7 @@ impl Material {
             specular_color: [1.0; 3],
             specular_color_texture: None,
             ior: 1.5,
+            group_ior: None,
             transmission: 0.0,
             transmission_texture: None,
             clearcoat: 0.0,
@@ -266,6 +274,9 @@ impl Material {
         }
         if !(self.ior.is_finite() && self.ior >= 1.0) {
             return Err(format!("{} has an ior of {}; it must be 1 or more", name(), self.ior));
+        }
+        if let Some(index) = self.group_ior.filter(|index| !(index.is_finite() && *index >= 1.0)) {
+            return Err(format!("{} has a group_ior of {index}; it must be 1 or more", name()));
         }
         for thickness in [self.thickness, self.volume_thickness] {
             if !(thickness.is_finite() && thickness >= 0.0) {

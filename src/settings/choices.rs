@@ -71,6 +71,14 @@ choices! {
         Off = "off",
     }
 
+    /// Whether sensor subpaths gather light over paths that no strategy forms, such as those through solid glass to a wall and back.
+    Merge, "does not say when to merge" {
+        /// Wherever lamps without a surface and smooth glass or mirrors may need it.
+        Auto = "auto",
+        /// Never.
+        Off = "off",
+    }
+
     /// Which surfaces with transmission are thin glass. Light passes straight through thin glass, and refracts at solid glass.
     ThinGlass, "does not say which glass is thin" {
         /// Those of open meshes, and those whose material says so.

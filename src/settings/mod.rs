@@ -22,6 +22,8 @@ pub mod numbers;
 pub mod optical_path;
 #[allow(missing_docs)]
 pub mod phase;
+#[allow(missing_docs)]
+pub mod pixels;
 mod response;
 #[allow(missing_docs)]
 pub mod response_specs;
@@ -42,7 +44,7 @@ pub mod values;
 
 pub use self::builder::SettingsBuilder;
 pub use self::choices::{
-    Budget, Crop, Emitters, Filter, GatePictures, Importance, Sampling, Strategies, ThinGlass, UseEllipsoids,
+    Budget, Crop, Emitters, Filter, GatePictures, Importance, Merge, Sampling, Strategies, ThinGlass, UseEllipsoids,
 };
 pub use self::response::{Edge, Response};
 pub use self::responses::Responses;

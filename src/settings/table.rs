@@ -21,6 +21,7 @@ use crate::settings::moment::Moment;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::optical_path::OpticalPath;
 use crate::settings::phase::Phase;
+use crate::settings::pixels::Pixels;
 use crate::settings::response_specs::ResponseSpecs;
 use crate::settings::setting::Taker::{Info, Page, Python, View};
 use crate::settings::setting::{Form, Setting, table};
@@ -290,6 +291,14 @@ table! {
         /// 0.04 % of the scene's diagonal and of their own end, without participating media, but not on the driver SwiftShader. The mean
         /// image is the same [default: auto]
         ellipsoids: UseEllipsoids = |_| UseEllipsoids::Auto, Setting::sampling("ellipsoids", "auto|on|off").only_for(Estimator::by_importance);
+
+        /// Gather the light of paths that no strategy forms: those from a lamp without a surface over smooth glass or mirrors to a
+        /// surface, and over such glass or mirrors to the camera. Merging takes photons of its own. auto or off [default: auto]
+        merge: Merge = |_| Merge::Auto, Setting::sampling("merge", "auto|off").also(Page);
+
+        /// Radius in pixels within which merging gathers light in the first iteration. It falls with the sixth root of the number of
+        /// iterations, and its bias with the cube root [default: 1.5]
+        merge_radius: Pixels = |_| Pixels::DEFAULT_MERGE_RADIUS, Setting::sampling("merge-radius", "PIXELS");
 
         /// Distribution of samples over the image: uniform, or adaptive (more samples for pixels with more error so far)
         /// [default: adaptive; lcs-paper: uniform]

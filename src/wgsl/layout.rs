@@ -57,7 +57,8 @@ host_twins! {
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
         hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
-        vertex_count: u32, sensor_solid: u32, undelayed_lo: f32, pad1: u32,
+        vertex_count: u32, sensor_solid: u32, undelayed_lo: f32, merge_radius: f32,
+        max_merge_radius: f32, photon_cells_per_length: f32, photon_list_mask: u32, merge_slot: f32,
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -121,6 +122,8 @@ host_twins! {
     TreeNode { left: TreeChild, right: TreeChild }
     /// `shared/leaf.wgsl`
     LeafRecord { position: [f32; 3], tau: f32, power: f32, direction: u32, flags: u32, material: u32 }
+    /// `shared/photon.wgsl`
+    Photon { position: [f32; 3], tau: f32, direction: [f32; 3], eta: f32, power: [f32; 3], flags: u32, normal: [f32; 3], pad0: f32 }
     /// `shared/candidate.wgsl`
     Candidate { vertex: u32, weight: f32 }
     /// `shared/observed.wgsl`
@@ -158,6 +161,8 @@ pub mod constants {
         /// triangle.
         OFFSET_SCALE: f32 = 1.0 / (1 << 19) as f32,
         PATH_ALIVE: u32 = 1,
+        PATH_SMOOTH: u32 = 64,
+        PATH_SOLID_SHIFT: u32 = 20,
         VERTEX_DEPTH: u32 = 0xff,
         VERTEX_EMITTER: u32 = 0x100,
         VERTEX_DETERMINISTIC: u32 = 0x200,
@@ -188,7 +193,10 @@ pub mod constants {
         COUNTER_TOTALS: u32 = 8,
         COUNTER_TALLIES: u32 = 12,
         LIVING_LIST: u32 = 0,
+        SHADE_LIST: u32 = 2,
         CANDIDATE_LIST: u32 = 3,
+        TIME_SLOTS: u32 = 4,
+        MEDIUM_FACTOR: f32 = 4.0,
         PATH_BITS: u32 = 24,
         ESTIMATOR_PT: u32 = 0,
         ESTIMATOR_BDPT: u32 = 1,

@@ -192,8 +192,15 @@ fn rewrite(path: &Path, [scale, noise]: [f32; 2], batches: u32, change: impl Fn(
     }
     let (crop, gate) = (Crop { x0: 0, x1: width, y0: 0, y1: height }, Gate { lo: 7.5, hi: 8.5 });
     let (seed, settings) = (seed.unwrap().parse().unwrap(), String::new());
-    let provenance =
-        Provenance { resolution: [width, height], crop, responses: gate.into(), seed, seconds: 2.0, settings };
+    let provenance = Provenance {
+        resolution: [width, height],
+        crop,
+        responses: gate.into(),
+        seed,
+        seconds: 2.0,
+        settings,
+        merged: None,
+    };
     exr_file::write(path, &film, &provenance).unwrap();
 }
 

@@ -7,6 +7,7 @@ use serde_json::Value;
 use taugate::internals::generate::glb;
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, glass, material};
+use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::scene::{LightKind, Mesh, Scene};
 
 use crate::{fails, folder, taugate};
@@ -22,22 +23,22 @@ fn write_window(folder: &Path, left: f64, turn: impl Fn(Mesh) -> Mesh) {
     scene.add_light("headlamp", DVec3::ZERO, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
     camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.1, [16, 16]);
     std::fs::write(folder.join("scene.glb"), glb::write(&scene)).unwrap();
+    std::fs::write(folder.join("off.toml"), "scene = \"scene.glb\"\n\n[render]\nmerge = \"off\"\n").unwrap();
 }
 
-fn info(folder: &Path, more: &[&str]) -> (String, String) {
-    let output = taugate(folder, &[&["info", "scene.glb", "--json"], more].concat());
+fn info(folder: &Path, scene: &str, more: &[&str]) -> (String, String) {
+    let output = taugate(folder, &[&["info", scene, "--json"], more].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let json: Value = serde_json::from_slice(&output.stdout).unwrap();
     (json["warnings"].to_string(), json["notes"].to_string())
 }
 
 #[test]
-fn light_behind_a_window_is_said_to_be_missing() {
+fn light_behind_a_window_is_said_to_be_missing_without_merging() {
     let here = folder();
     write_window(here.path(), -3.0, |pane| pane);
-    let render = ["render", "scene.glb", "-o", "out.exr", "--spp", "2", "--light-paths", "500"];
-    let reason =
-        "100 % of the pixels miss light of 'headlamp' (about 100 % of the direct light there), which has no surface";
+    let render = ["render", "scene.glb", "-o", "out.exr", "--spp", "2", "--light-paths", "500", "--merge", "off"];
+    let reason = "100 % of the pixels miss light of 'headlamp', because it passes smooth glass";
     let output = taugate(here.path(), &render);
     let message = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && message.contains(reason) && message.contains("'window'"), "{message}");
@@ -47,20 +48,41 @@ fn light_behind_a_window_is_said_to_be_missing() {
     let (code, message) = (message.status.code(), String::from_utf8(message.stderr).unwrap());
     assert!(code == Some(2) && !message.contains("found no light"), "{message}");
     assert!(message.contains("meets no light") && message.matches(reason).count() == 2, "{message}");
-    let (warnings, notes) = info(here.path(), &[]);
+    let (warnings, notes) = info(here.path(), "off.toml", &[]);
     assert!(warnings.contains(reason) && !notes.contains("no light"), "{warnings} {notes}");
-    fails(here.path(), &["info", "scene.glb", "--plot", "plot.svg"], 2, reason);
+    fails(here.path(), &["info", "off.toml", "--plot", "plot.svg"], 2, reason);
+}
+
+#[test]
+fn merging_shows_what_is_behind_a_window_and_says_how_much_it_found() {
+    let here = folder();
+    write_window(here.path(), -3.0, |pane| pane);
+    let (warnings, notes) = info(here.path(), "scene.glb", &[]);
+    assert!(warnings == "[]" && !notes.contains("no light"), "{warnings} {notes}");
+    let gate = ["--gate", "7m..9m", "--spp", "4", "--light-paths", "500", "--stats", "stats.json"];
+    let output = taugate(here.path(), &[&["render", "scene.glb", "-o", "out.exr"][..], &gate].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && !message.contains("warning"), "{message}");
+    let stats: Value = serde_json::from_slice(&std::fs::read(here.path().join("stats.json")).unwrap()).unwrap();
+    // Light of the same wall without the pane, times the transmittance of both faces and both ways.
+    let expected = 0.5 / std::f64::consts::PI / 16.0 * 0.96f64.powi(4);
+    assert!((stats["image_mean"].as_f64().unwrap() / expected - 1.0).abs() < 0.05, "{stats}");
+    let merged = read_picture(&here.path().join("out.exr")).unwrap().merged.unwrap();
+    assert!(
+        merged.share > 0.99 && merged.radius <= 1.5 && stats["merged"]["share"] == merged.share,
+        "{merged:?} {stats}"
+    );
 }
 
 #[test]
 fn a_pixel_beside_the_window_is_told_from_one_behind_it() {
     let here = folder();
     write_window(here.path(), 0.0, |pane| pane);
-    let (warnings, _) = info(here.path(), &[]);
+    let (warnings, _) = info(here.path(), "off.toml", &[]);
     assert!(warnings.contains("50 % of the pixels miss light"), "{warnings}");
-    let (warnings, _) = info(here.path(), &["--pixel", "1,8"]);
+    let (warnings, _) = info(here.path(), "off.toml", &["--pixel", "1,8"]);
     assert_eq!(warnings, "[]");
-    let (warnings, notes) = info(here.path(), &["--pixel", "14,8"]);
+    let (warnings, notes) = info(here.path(), "off.toml", &["--pixel", "14,8"]);
     assert!(warnings.contains("100 % of the pixels") && !notes.contains("no light"), "{warnings} {notes}");
 }
 
@@ -68,6 +90,6 @@ fn a_pixel_beside_the_window_is_told_from_one_behind_it() {
 fn glass_that_faces_inwards_is_named() {
     let here = folder();
     write_window(here.path(), -3.0, inside_out);
-    let (warnings, _) = info(here.path(), &[]);
+    let (warnings, _) = info(here.path(), "scene.glb", &[]);
     assert!(warnings.contains("the triangles of the glass 'window' face inwards"), "{warnings}");
 }

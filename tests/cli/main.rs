@@ -74,8 +74,15 @@ fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
     film.add(&image, 1);
     let crop = Crop { x0: 0, x1: width, y0: 0, y1: height };
     let settings = String::new();
-    let provenance =
-        Provenance { resolution: [width, height], crop, responses: Gate::OPEN.into(), seed: 0, seconds: 1.0, settings };
+    let provenance = Provenance {
+        resolution: [width, height],
+        crop,
+        responses: Gate::OPEN.into(),
+        seed: 0,
+        seconds: 1.0,
+        settings,
+        merged: None,
+    };
     exr_file::write(path, &film, &provenance).unwrap();
 }
 
@@ -286,8 +293,15 @@ fn images_of_different_gates_are_noted() {
         let mut film = Film::new(4, 4);
         film.add(&[1.0; 48], 1);
         let (crop, settings) = (Crop { x0, x1: x0 + 4, y0: 0, y1: 4 }, String::new());
-        let provenance =
-            Provenance { resolution: [8, 4], crop, responses: gate.into(), seed: 0, seconds: 1.0, settings };
+        let provenance = Provenance {
+            resolution: [8, 4],
+            crop,
+            responses: gate.into(),
+            seed: 0,
+            seconds: 1.0,
+            settings,
+            merged: None,
+        };
         exr_file::write(&here.path().join(name), &film, &provenance).unwrap();
     };
     write("a.exr", Gate { lo: 1.0, hi: 2.0 }, 0);

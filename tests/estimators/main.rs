@@ -21,6 +21,7 @@ mod headlamp;
 mod inside_glass;
 mod interiors;
 mod lamps;
+mod merging;
 mod null_boundaries;
 mod orthographic;
 mod regressions;

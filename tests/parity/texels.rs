@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::render::material::Material;
 use taugate::internals::wgsl::layout::{
-    Emitter, InstanceNormals, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle,
+    Emitter, InstanceNormals, PathVertex, Photon, TextureInfo, TreeChild, TreeNode, Triangle,
 };
 
 use crate::shader_function::{ShaderFunction, contents};
@@ -29,10 +29,21 @@ loads!(EMITTER, "scene", "Emitter", "load_emitter(input.index)");
 loads!(LIGHT_VERTEX, "tree", "PathVertex", "load_light_vertex(input.index)");
 loads!(TREE_NODE, "tree", "TreeNode", "load_tree_node(input.index)");
 loads!(TREE_RIGHT, "tree", "TreeChild", "load_tree_child(input.index, 1u)");
+loads!(PHOTON, "photon", "Photon", "load_photon(input.index)");
 loads!(SHADE_POINT, "shade_point", "PathVertex", "load_shade_point(input.index)");
 
-pub const KERNELS: &[&ShaderFunction] =
-    &[&TRIANGLE, &INSTANCE, &MATERIAL, &TEXTURE, &EMITTER, &LIGHT_VERTEX, &TREE_NODE, &TREE_RIGHT, &SHADE_POINT];
+pub const KERNELS: &[&ShaderFunction] = &[
+    &TRIANGLE,
+    &INSTANCE,
+    &MATERIAL,
+    &TEXTURE,
+    &EMITTER,
+    &LIGHT_VERTEX,
+    &TREE_NODE,
+    &TREE_RIGHT,
+    &PHOTON,
+    &SHADE_POINT,
+];
 
 const COUNT: usize = 37;
 
@@ -44,8 +55,9 @@ fn round_trip<T: Pod>(kernel: &ShaderFunction, buffer: &'static str) -> (Vec<T>,
     let words: Vec<u32> = (0..COUNT * size_of::<T>() / 4).map(|_| word()).collect();
     let written: Vec<T> = bytemuck::cast_slice(&words).to_vec();
     let indices: Vec<u32> = (0..COUNT as u32).rev().collect();
-    // With thin glass, kernels read all texels of a material.
-    let mut read: Vec<T> = kernel.compile(&[("HAS_SHEETS", 1.0)]).run(&indices, &[contents(buffer, &written)]);
+    // With thin glass and group indices, kernels read all texels of a material.
+    let mut read: Vec<T> =
+        kernel.compile(&[("HAS_SHEETS", 1.0), ("HAS_GROUP_INDICES", 1.0)]).run(&indices, &[contents(buffer, &written)]);
     read.reverse();
     (written, read)
 }
@@ -59,11 +71,12 @@ fn structs_are_read_back_as_they_were_written() {
     }
     same::<Triangle>(&TRIANGLE, "triangles", |_| ());
     same::<InstanceNormals>(&INSTANCE, "instances", |i| (i.pad0, i.pad1, i.pad2) = (0.0, 0.0, 0.0));
-    same::<Material>(&MATERIAL, "materials", |m| m.pad = 0.0);
+    same::<Material>(&MATERIAL, "materials", |_| ());
     same::<TextureInfo>(&TEXTURE, "textures", |_| ());
     same::<Emitter>(&EMITTER, "emitters", |_| ());
     same::<PathVertex>(&LIGHT_VERTEX, "light_vertices", |_| ());
     same::<PathVertex>(&SHADE_POINT, "shade_points", |_| ());
+    same::<Photon>(&PHOTON, "photons", |p| p.pad0 = 0.0);
     same::<TreeNode>(&TREE_NODE, "tree_nodes", |_| ());
 }
 

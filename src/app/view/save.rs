@@ -40,10 +40,12 @@ impl Finished<'_> {
         let settings = view.settings.change().budget(Budget::Spp(samples)).build()?;
         let config = resolve::as_experiment(&view.placed, &settings, self.stage.scene());
         let printed = Experiment { output: Default::default(), ..config }.to_toml();
+        let provenance =
+            Provenance { merged: self.renderer.merged(), ..Provenance::new(&settings, self.seconds, printed) };
         let report = Report {
             renderer: self.renderer,
             settings: &settings,
-            provenance: &Provenance::new(&settings, self.seconds, printed),
+            provenance: &provenance,
             seconds: self.seconds,
             before: Before::default(),
             layers: &Layers::default(),

@@ -89,7 +89,7 @@ impl EmitterSet {
         }
         set.densities = exitances.into_iter().map(|flux| (flux / total) as f32).collect();
         set.place_in_solids(geometry, solids);
-        let surrounding = surrounding_indices(&scene.media);
+        let [_, surrounding] = surrounding_indices(&scene.media);
         for vertex in &mut set.deterministic {
             let entry = &set.table[vertex.owner as usize];
             let (eta, solid) = geometry.around(entry.solid, surrounding);

@@ -140,9 +140,6 @@ impl Lamp<'_> {
     }
 
     fn start(&self, origin: DVec3, direction: DVec3, weight: f64) -> Option<Ray> {
-        let solid = self.solid;
-        let ray =
-            Ray { origin, direction, leaves: None, weight, tau: 0.0, length: 0.0, smooth: 0, object: None, solid };
-        (weight > 0.0).then_some(ray)
+        (weight > 0.0).then_some(Ray { weight, ..Ray::start(origin, direction, self.solid) })
     }
 }

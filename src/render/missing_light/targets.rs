@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::surfaces::is_smooth;
 use crate::render::geometry::Geometry;
-use crate::wgsl::layout::constants::TRIANGLE_MATERIAL;
+use crate::wgsl::layout::constants::{TRIANGLE_MATERIAL, TRIANGLE_NULL};
 
 /// The fractional part of the golden ratio. Its multiples are evenly spread on a line.
 pub const GOLDEN: f64 = 0.618_033_988_749_895;
@@ -34,7 +34,7 @@ pub fn targets(geometry: &Geometry) -> Vec<Target> {
     let smooth: Vec<bool> = geometry.materials.iter().map(is_smooth).collect();
     let mut targets: BTreeMap<u32, Target> = BTreeMap::new();
     for (number, t) in geometry.triangles.iter().enumerate() {
-        if !smooth[(t.material & TRIANGLE_MATERIAL) as usize] {
+        if t.material & TRIANGLE_NULL != 0 || !smooth[(t.material & TRIANGLE_MATERIAL) as usize] {
             continue;
         }
         let empty = || Target { triangles: vec![], lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };

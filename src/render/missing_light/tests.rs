@@ -4,6 +4,7 @@ use super::*;
 use crate::generate::shapes::{cuboid, icosphere, quad};
 use crate::generate::stage::{add, camera, diffuse, glass, material, metal};
 use crate::scene::{LightKind, Material, Medium};
+use crate::settings::gates::Gates;
 use crate::settings::{Estimator, SettingsBuilder};
 
 /// A wall 4 m before a camera that looks along -Z, and a lamp at the camera.
@@ -22,8 +23,9 @@ fn add_pane(scene: &mut Scene, left: f64, kind: Material) {
     add(scene, "pane", pane, cuboid(DVec3::new(left, -3.0, -1.01), DVec3::new(3.0, 3.0, -0.99)));
 }
 
+/// The light that a render without merging misses.
 fn found_with(scene: &Scene, change: impl Fn(SettingsBuilder) -> SettingsBuilder) -> Option<MissingLight> {
-    let settings = change(Settings::builder().resolution([16, 16])).build().unwrap();
+    let settings = change(Settings::builder().resolution([16, 16]).merge(Merge::Off)).build().unwrap();
     missing_light(scene, &settings, &PreparedScene::new(scene, &settings).unwrap())
 }
 
@@ -38,7 +40,14 @@ fn a_wall_behind_a_pane_misses_the_light_of_a_headlamp() {
     add_pane(&mut scene, -3.0, glass("glass"));
     let missing = found(&scene).unwrap();
     assert_eq!((missing.share, missing.lamp.as_str(), missing.object.as_str()), (1.0, "headlamp", "pane"));
-    assert!(missing.describe().starts_with(
+    assert!(
+        missing.describe().starts_with("100 % of the pixels miss light of 'headlamp', because it passes smooth glass")
+    );
+    assert_eq!(found_with(&scene, |settings| settings.merge(Merge::Auto)), None);
+    let gates = Gates::new(Gate { lo: 7.0, hi: 9.0 }, 2).unwrap();
+    assert_eq!(found_with(&scene, |settings| settings.merge(Merge::Auto).responses(gates)), None);
+    let paper = found_with(&scene, |settings| settings.merge(Merge::Auto).strategies(Strategies::Paper)).unwrap();
+    assert!(paper.describe().starts_with(
         "100 % of the pixels miss light of 'headlamp' (about 100 % of the direct light there), which has no surface"
     ));
     // The path has 6 segments and takes 8.02 m.
@@ -129,6 +138,7 @@ fn light_in_milk_is_missing_unless_its_surface_does_not_bend_light() {
         scene
     };
     assert_eq!(found(&scene(1.33)).unwrap().object, "milk");
+    assert_eq!(found_with(&scene(1.33), |settings| settings.merge(Merge::Auto)), None);
     assert_eq!(found(&scene(1.0)), None);
 }
 

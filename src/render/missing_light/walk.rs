@@ -5,7 +5,8 @@ use glam::{DVec3, Vec3};
 
 use super::surfaces::{lobes, nearest, refracted};
 use crate::render::emitters::luminance;
-use crate::render::prepared_scene::PreparedScene;
+use crate::render::geometry::Geometry;
+use crate::render::media::Media;
 use crate::wgsl::layout::constants::TRIANGLE_MATERIAL;
 use crate::wgsl::layout::{Medium, NONE};
 
@@ -36,6 +37,13 @@ pub struct Ray {
     pub solid: u32,
 }
 
+impl Ray {
+    /// A ray that begins at a lamp or at the camera, and carries all of its light. `solid`: see [`Ray::solid`].
+    pub fn start(origin: DVec3, direction: DVec3, solid: u32) -> Ray {
+        Ray { origin, direction, leaves: None, weight: 1.0, tau: 0.0, length: 0.0, smooth: 0, object: None, solid }
+    }
+}
+
 /// A place where the light of a path scatters: at the end of `path`.
 #[derive(Clone, Copy)]
 pub struct Event {
@@ -60,13 +68,16 @@ pub struct Line {
 }
 
 /// The scene for these paths.
-pub struct World<'a>(pub &'a PreparedScene);
+pub struct World<'a> {
+    pub geometry: &'a Geometry,
+    pub media: &'a Media,
+}
 
 impl World<'_> {
     /// Calls `visit` with all events of the paths that begin with `ray`. At each smooth surface, a path divides into its reflection and
     /// its refraction.
     pub fn walk(&self, ray: Ray, visit: &mut impl FnMut(Event)) {
-        let geometry = &self.0.geometry;
+        let World { geometry, .. } = *self;
         let least = MIN_SHARE * ray.weight;
         let mut open = vec![ray];
         while let Some(mut ray) = open.pop() {
@@ -98,7 +109,7 @@ impl World<'_> {
     /// The straight line from `event` along `direction` to a lamp at `distance`. `None` if a surface blocks it, or if smooth surfaces
     /// bend it: two of them that are not parallel.
     pub fn line(&self, event: &Event, direction: DVec3, distance: f64) -> Option<Line> {
-        let geometry = &self.0.geometry;
+        let World { geometry, .. } = *self;
         if event.normal.is_some_and(|normal| normal.dot(direction) <= 0.0) {
             return None;
         }
@@ -134,7 +145,7 @@ impl World<'_> {
 
     /// Travel time per length inside a solid of this material; NONE outside of solids.
     fn eta(&self, solid: u32) -> f64 {
-        self.0.geometry.around(solid, self.0.media.surrounding).0.into()
+        self.geometry.around(solid, self.media.surrounding[1]).0.into()
     }
 
     /// The ray after `distance`.
@@ -146,11 +157,11 @@ impl World<'_> {
     /// Visits events in the media along `ray`, which ends after `distance`. Returns the share of light that passes. A density grid
     /// counts as if it were full.
     fn scatter_in_media(&self, ray: &Ray, distance: Option<f64>, visit: &mut impl FnMut(Event)) -> f64 {
-        let media = &self.0.media;
+        let World { geometry, media } = *self;
         if media.list.is_empty() {
             return 1.0;
         }
-        let inside = self.0.geometry.materials.get(ray.solid as usize).map(|material| material.interior);
+        let inside = geometry.materials.get(ray.solid as usize).map(|material| material.interior);
         let mut passed = 1.0;
         let candidates: Vec<&Medium> = match inside {
             Some(interior) => media.list.get(interior as usize).into_iter().collect(),

@@ -23,6 +23,8 @@ impl Plan {
             ("HAS_OWN_LASERS", switch(self.has_own_lasers)),
             ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
+            ("MERGES", switch(self.merging.is_some())),
+            ("MERGED_ENTRIES", self.merged_entries().into()),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
             ("DRAWS_ON_BEAMS", switch(self.draws_on_beams())),
             ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoids != Ellipsoids::None)),
@@ -87,5 +89,5 @@ pub fn has_fast_solids(scene: &Scene, group_index: f32) -> bool {
     scene
         .materials
         .iter()
-        .any(|material| material.transmits() && material.thin != Some(true) && material.ior < group_index)
+        .any(|material| material.transmits() && material.thin != Some(true) && material.group_index() < group_index)
 }

@@ -43,7 +43,8 @@ impl SensorSubpaths<'_> {
         tracer.search_ellipsoids(bindings, constants, stats)
     }
 
-    /// Records the connections of the listed candidates, and adds the contributions to the radiance of their paths.
+    /// Records the connections of the listed candidates, and adds the contributions to the radiance of their paths. Then merges: adds
+    /// the light of photons around the shade points.
     pub fn connect(&mut self) -> Result<()> {
         if self.has_no_work() {
             return Ok(());
@@ -54,7 +55,11 @@ impl SensorSubpaths<'_> {
         let over = |list: u32| indirect_over(&b.arguments, list);
         stats.timed(stage::RECORD, || {
             r.dispatch_indirect("connect", &k.connect, &bindings.connect, &at(CANDIDATES), over(CANDIDATES))?;
-            r.dispatch_indirect("gather", &k.gather, &bindings.gather, &at(SHADE), over(SHADE))
+            r.dispatch_indirect("gather", &k.gather, &bindings.gather, &at(SHADE), over(SHADE))?;
+            match (&k.merge, &bindings.merge) {
+                (Some(kernel), Some(bound)) => r.dispatch_indirect("merge", kernel, bound, &at(SHADE), over(SHADE)),
+                _ => Ok(()),
+            }
         })
     }
 

@@ -39,6 +39,8 @@ pub struct Buffers<A: Allocate = Device> {
     pub counters: A::ReadBack,
     pub arguments: A::Buffer,
     pub film: A::ReadBack,
+    /// See `resolve.wgsl`. One word if nothing merges.
+    pub merged_film: A::ReadBack,
 }
 
 impl<A: Allocate> Buffers<A> {
@@ -90,6 +92,14 @@ impl<A: Allocate> Buffers<A> {
                 plan.crop_pixels as usize,
                 "use a smaller --resolution, or --crop",
             ))?,
+            merged_film: to.read_back_if(
+                plan.merging.is_some(),
+                BufferDesc::of::<f32>(
+                    "merged light of pixels",
+                    if plan.merging.is_some() { plan.crop_pixels as usize } else { 1 },
+                    "use a smaller --resolution, or --merge off",
+                ),
+            )?,
         })
     }
 }
@@ -117,12 +127,22 @@ impl Buffers {
             ("counters", self.counters.buffer()),
             ("arguments", &self.arguments),
             ("film", self.film.buffer()),
+            ("merged_film", self.merged_film.buffer()),
         ]
     }
 
-    /// Records the copy of the film to the host, for [`Buffers::add_film`].
-    pub fn read_film(&self, recorder: &mut Recorder) -> Result<()> {
+    /// Records the copy of the film to the host, for [`Buffers::add_film`]. `merges`: also for [`Buffers::merged_light`].
+    pub fn read_film(&self, merges: bool, recorder: &mut Recorder) -> Result<()> {
+        if merges {
+            recorder.read_back(&self.merged_film, self.merged_film.buffer().size())?;
+        }
         recorder.read_back(&self.film, self.film.buffer().size())
+    }
+
+    /// Mean luminance of the merged light over so many pixels.
+    pub fn merged_light(&self, pixels: usize) -> Result<f64> {
+        let mean = |film: &[f32]| film.iter().map(|&light| f64::from(light)).sum::<f64>() / pixels as f64;
+        self.merged_film.with::<f32, _>(pixels, mean)
     }
 
     /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image.

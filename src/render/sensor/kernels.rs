@@ -21,6 +21,8 @@ pub struct Kernels {
     /// Only if the estimator forms ellipsoidal connections.
     pub ellipsoids: Option<Kernel>,
     pub connect: Kernel,
+    /// Only if the render merges.
+    pub merge: Option<Kernel>,
     pub gather: Kernel,
     pub resolve: Kernel,
 }
@@ -35,6 +37,7 @@ pub struct SensorBindings {
     pub compact_candidates: CompactionBindings,
     pub ellipsoids: Option<Bindings>,
     pub connect: Bindings,
+    pub merge: Option<Bindings>,
     pub gather: Bindings,
     pub resolve: Bindings,
 }
@@ -60,6 +63,7 @@ impl Kernels {
             query: make(plan.estimator.query_kernel)?,
             ellipsoids: ellipsoid_file(plan).map(make).transpose()?,
             connect: make("connect")?,
+            merge: plan.merging.is_some().then(|| make("merge")).transpose()?,
             gather: make("gather")?,
             resolve: make("resolve")?,
         })
@@ -99,6 +103,7 @@ impl Kernels {
             compact_candidates: k.compaction.bind(&candidates())?,
             ellipsoids: k.ellipsoids.as_ref().map(|kernel| kernel.bind(&shade())).transpose()?,
             connect: k.connect.bind(&shade())?,
+            merge: k.merge.as_ref().map(|kernel| kernel.bind(&shade())).transpose()?,
             gather: k.gather.bind(&shade())?,
             resolve: k.resolve.bind(&shared())?,
         })

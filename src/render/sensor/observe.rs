@@ -30,7 +30,7 @@ pub struct Found {
 impl SensorSubpaths<'_> {
     /// Maximum number of entries of a bounce that traces `paths` paths and has `shade_points` shade points.
     pub(super) fn entries_of(&self, paths: u32, shade_points: u32) -> usize {
-        paths as usize + shade_points as usize * self.tracer.slots as usize
+        paths as usize + shade_points as usize * (self.tracer.slots + self.plan.merged_entries()) as usize
     }
 
     /// Whether the entries of the next bounce fit behind those that the host has not read yet.
@@ -44,12 +44,14 @@ impl SensorSubpaths<'_> {
         if self.plan.observe == Observe::Nothing {
             return Ok(0);
         }
-        // As in sensor_trace.wgsl and connect.wgsl. The paths of the next bounce are listed, but not traced.
+        // As in sensor_trace.wgsl, connect.wgsl and merge.wgsl. The paths of the next bounce are listed, but not traced.
         let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
         let next = counters[LIVING[1 - self.parity()] as usize];
         let traced =
             self.constants.count.wrapping_add(total(LIVING[0])).wrapping_add(total(LIVING[1])).wrapping_sub(next);
-        let unread = traced.wrapping_add(total(CANDIDATES)).wrapping_sub(self.constants.first) as usize;
+        let merged = self.plan.merged_entries().wrapping_mul(total(SHADE));
+        let unread =
+            traced.wrapping_add(total(CANDIDATES)).wrapping_add(merged).wrapping_sub(self.constants.first) as usize;
         match unread <= self.unread {
             true => Ok(unread),
             false => Err(computes_wrongly(&format!(
@@ -103,8 +105,10 @@ impl SensorSubpaths<'_> {
         count: usize,
         keep: &(impl Fn(&SensorContribution) -> Result<Option<T>> + Sync),
     ) -> Result<Vec<Vec<T>>> {
-        let bounces = self.constants.bounce as usize + 1;
-        self.tracer.buffers.observed.with(count, |entries| in_parts(entries, MIN_PART, bounces, keep))?
+        // In a bounce, the paths ascend twice, or three times: see `shared/observed.wgsl`.
+        let lists = if self.plan.merged_entries() > 0 { 2 } else { 1 };
+        let descents = lists * (self.constants.bounce as usize + 1);
+        self.tracer.buffers.observed.with(count, |entries| in_parts(entries, MIN_PART, descents, keep))?
     }
 
     fn arrival(&self, entry: &SensorContribution) -> Result<Option<Arrival<IndexInTile>>> {
@@ -156,17 +160,17 @@ const PATH_MASK: u32 = (1 << PATH_BITS) - 1;
 const MIN_PART: usize = 1 << 15;
 
 /// Calls `keep` with `entries`, in several threads if there are at least `min_part` entries for each of them. Returns the values that it
-/// returns, in the order of the entries, in one part per thread. Fails if the entries are not in the order of `bounces` bounces: in a
-/// bounce, the paths ascend twice.
+/// returns, in the order of the entries, in one part per thread. Fails if the paths descend more than
+/// `descents` times.
 fn in_parts<T: Send>(
     entries: &[SensorContribution],
     min_part: usize,
-    bounces: usize,
+    descents: usize,
     keep: &(impl Fn(&SensorContribution) -> Result<Option<T>> + Sync),
 ) -> Result<Vec<Vec<T>>> {
     let read_all = &|part: &[SensorContribution]| -> Result<Vec<T>> {
         // Later bounces have larger numbers in the high bits of `path`.
-        if part.windows(2).filter(|pair| pair[0].path > pair[1].path).count() > bounces {
+        if part.windows(2).filter(|pair| pair[0].path > pair[1].path).count() > descents {
             return Err(computes_wrongly("it listed entries out of order"));
         }
         part.iter().filter_map(|entry| keep(entry).transpose()).collect()

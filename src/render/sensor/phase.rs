@@ -106,6 +106,11 @@ impl Ready {
     ) -> Result<()> {
         // Samples of later iterations must not follow a film that is wrong.
         stats.check()?;
-        stats.timed(stage::READ_FILM, || self.tracer.buffers.add_film(image, visit))
+        let SensorTracer { buffers, kernels, .. } = &self.tracer;
+        stats.timed(stage::READ_FILM, || buffers.add_film(image, visit))?;
+        if kernels.merge.is_some() {
+            stats.merged_light += buffers.merged_light(image.len() / 3)?;
+        }
+        Ok(())
     }
 }

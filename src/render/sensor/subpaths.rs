@@ -147,7 +147,7 @@ impl SensorTracer {
         let resolve = &self.kernels.resolve;
         let groups = resolve.groups(constants.count as usize);
         self.recorder.dispatch("resolve", resolve, &bindings.resolve, constants, groups)?;
-        if is_last { self.buffers.read_film(&mut self.recorder) } else { Ok(()) }
+        if is_last { self.buffers.read_film(self.kernels.merge.is_some(), &mut self.recorder) } else { Ok(()) }
     }
 
     pub(super) fn record_counters(&mut self) -> Result<()> {

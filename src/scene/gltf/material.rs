@@ -283,6 +283,7 @@ impl Materials {
             specular_color,
             specular_color_texture,
             ior,
+            group_ior: None,
             transmission: transmitted,
             transmission_texture,
             clearcoat: coated,

@@ -37,6 +37,7 @@ impl Visitor for Fill {
             "all",
             "uniform",
             "on",
+            "off",
             "localhost:1",
             "0/2",
             "strip",

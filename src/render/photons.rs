@@ -1,0 +1,265 @@
+//! Photons: light of paths that no strategy forms, which sensor subpaths gather (`shaders/shared/photon.wgsl`).
+
+mod aims;
+mod focus;
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::Renderer;
+use super::device_scene::DeviceScene;
+use super::emitters::luminance;
+use super::geometry::Geometry;
+use super::media::Media;
+use super::missing_light::walk::World;
+use super::plan::{Iteration, Plan};
+use super::prepared_scene::PreparedScene;
+use super::stats::{Stats, stage};
+use crate::error::Result;
+use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, Kernel, Recorder};
+use crate::image::exr_file::Merged;
+use crate::scene::{Camera, Scene};
+use crate::settings::{Merge, Settings, Strategies};
+use crate::wgsl::layout::constants::{PATH_ALIVE, VERTEX_DEPTH, VERTEX_IN_MEDIUM, VERTEX_VALID};
+use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex, Photon};
+use aims::{Aims, PhotonSource, may_aim};
+use focus::{camera_rays, focus};
+
+/// Maximum number of photons in a batch, small enough for a short submit.
+const BATCH: usize = 1 << 16;
+/// Minimum and maximum number of photons in an iteration.
+const MIN_PHOTONS: u64 = 1 << 12;
+const MAX_PHOTONS: u64 = 1 << 20;
+/// The part of the photons whose distance from the sensor is at most the one that the size of cells is chosen for.
+const NEAR_SHARE: f64 = 0.9;
+/// Maximum radius in sides of a cell.
+const MAX_RADIUS: f32 = 2.0;
+
+/// The photons of an iteration in lists: a list holds the photons of some cells (`photon_list` in `shared/photon.wgsl`).
+#[derive(Default)]
+pub struct PhotonMap {
+    pub photons: Vec<Photon>,
+    /// Start of each list in `photons`, and the end of the last one.
+    pub lists: Vec<u32>,
+    pub cells_per_length: f32,
+    /// Upper limit of the radius within which a shade point gathers photons.
+    pub max_radius: f32,
+}
+
+/// Traces photons. `None` as a field of the renderer if nothing merges.
+pub struct PhotonTracer {
+    geometry: Arc<Geometry>,
+    media: Arc<Media>,
+    source: PhotonSource,
+    /// See [`PreparedScene::aims`].
+    sensor_aims: Vec<[f32; 4]>,
+    /// `None` until the next iteration after the camera or a lamp has moved.
+    aims: Option<Aims>,
+    kernel: Kernel,
+    bindings: Bindings,
+    buffers: Buffers,
+    recorder: Recorder,
+}
+
+struct Buffers<A: Allocate = Device> {
+    states: A::Buffer,
+    vertices: A::Buffer,
+    list: A::Buffer,
+    counters: A::Buffer,
+}
+
+impl<A: Allocate> Buffers<A> {
+    fn new(to: &A, plan: &Plan) -> Result<Buffers<A>> {
+        let capacity = BATCH.min(plan.photons(plan.max_samples()) as usize);
+        let remedy = "use a smaller --resolution, or --merge off";
+        Ok(Buffers {
+            states: to.buffer(BufferDesc::of::<PathState>("photon states", capacity, remedy))?,
+            vertices: to.buffer(BufferDesc::of::<PathVertex>("new vertices of photons", capacity, remedy))?,
+            list: to.buffer(BufferDesc::of::<u32>("living photons", capacity, remedy))?,
+            counters: to.buffer(BufferDesc::of::<u32>("number of photons", 1, remedy))?,
+        })
+    }
+}
+
+impl PhotonTracer {
+    pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan, prepared: &PreparedScene) -> Result<PhotonTracer> {
+        let buffers = Buffers::new(device, plan)?;
+        let kernel = Kernel::new(device, PhotonTracer::FILE, PhotonTracer::FILE, &plan.constants())?;
+        let own: [(&str, &Buffer); 4] = [
+            ("states", &buffers.states),
+            ("vertices", &buffers.vertices),
+            ("list", &buffers.list),
+            ("counters", &buffers.counters),
+        ];
+        let bindings = kernel.bind(&[&scene.bindings()[..], &own].concat())?;
+        let recorder = Recorder::new(device)?;
+        let (geometry, media) = (prepared.geometry.clone(), prepared.media.clone());
+        let (source, sensor_aims) = (PhotonSource::new(prepared), prepared.aims.clone());
+        Ok(PhotonTracer { geometry, media, source, sensor_aims, aims: None, kernel, bindings, buffers, recorder })
+    }
+
+    /// The kernel's file, whose entry point has the same name.
+    pub const FILE: &'static str = "photon_trace";
+
+    /// Descriptors of the buffers that [`PhotonTracer::new`] allocates.
+    pub fn buffer_descs(plan: &Plan) -> Vec<BufferDesc> {
+        BufferList::of(|list| Buffers::new(list, plan))
+    }
+
+    /// Follows lamps that have moved.
+    pub fn set_lights(&mut self, prepared: &PreparedScene) {
+        (self.source, self.aims) = (PhotonSource::new(prepared), None);
+    }
+
+    /// Follows a camera that has moved. `sensor_aims`: see [`PreparedScene::aims`].
+    pub fn set_camera(&mut self, sensor_aims: Vec<[f32; 4]>) {
+        (self.sensor_aims, self.aims) = (sensor_aims, None);
+    }
+
+    /// Traces the photons of an iteration. The frame on the device is that of its light subpaths.
+    pub fn run(&mut self, plan: &Plan, iteration: &Iteration, stats: &mut Stats) -> Result<PhotonMap> {
+        let aims = self.aims.get_or_insert_with(|| {
+            let world = World { geometry: &self.geometry, media: &self.media };
+            let rays = camera_rays(plan, &self.sensor_aims);
+            focus(Aims::new(&self.geometry, &self.source, plan.traces_light), &self.source, plan, &world, &rays)
+        });
+        if aims.is_empty() {
+            return Ok(PhotonMap::default());
+        }
+        let count = plan.photons(iteration.samples);
+        let states = stats.timed(stage::UPLOAD, || aims.emit(&self.source, plan.seed(), iteration.number, count));
+        let mut photons = vec![];
+        for (first, states) in (0..).step_by(BATCH).zip(states.chunks(BATCH)) {
+            self.run_batch(plan, first, states, &mut photons, stats)?;
+        }
+        stats.light_paths += u64::from(count);
+        Ok(stats.timed(stage::BUILD_TREES, || PhotonMap::new(photons, plan, iteration)))
+    }
+
+    fn run_batch(
+        &mut self,
+        plan: &Plan,
+        first: u32,
+        states: &[PathState],
+        photons: &mut Vec<Photon>,
+        stats: &mut Stats,
+    ) -> Result<()> {
+        let mut living: Vec<u32> =
+            (0..).zip(states).filter(|(_, s)| s.flags & PATH_ALIVE != 0).map(|(k, _)| k).collect();
+        stats.timed(stage::UPLOAD, || self.buffers.states.write(0, states))?;
+        for bounce in 0..plan.max_depth - 1 {
+            let Some(last) = living.last() else { break };
+            let end = *last as usize + 1;
+            stats.timed(stage::UPLOAD, || {
+                self.buffers.counters.write(0, &[living.len() as u32])?;
+                self.buffers.list.write(0, &living)
+            })?;
+            let none = Dispatch { list_a: NONE, list_b: NONE, emitter: NONE, ..bytemuck::Zeroable::zeroed() };
+            let constants = Dispatch { first, count: states.len() as u32, bounce, ..none };
+            let groups = self.kernel.groups(living.len());
+            self.recorder.dispatch(PhotonTracer::FILE, &self.kernel, &self.bindings, &constants, groups)?;
+            stats.submit(&mut self.recorder)?;
+            stats.closest_rays += living.len() as u64;
+            stats.light_rays += living.len() as u64;
+            living = stats.timed(stage::READ_LIGHT, || {
+                self.buffers.vertices.with::<PathVertex, _>(end, |vertices| {
+                    let new = living.iter().map(|&slot| &vertices[slot as usize]);
+                    photons.extend(new.filter(|vertex| vertex.flags & VERTEX_VALID != 0).filter_map(photon));
+                })?;
+                self.buffers.states.with::<PathState, _>(end, |states| {
+                    living.iter().copied().filter(|&slot| states[slot as usize].flags & PATH_ALIVE != 0).collect()
+                })
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// The photon at a vertex; `None` if its power is not finite.
+fn photon(v: &PathVertex) -> Option<Photon> {
+    v.throughput.iter().all(|power| power.is_finite()).then(|| Photon {
+        position: v.position,
+        tau: v.tau,
+        direction: v.to_previous.map(|x| -x),
+        eta: v.eta,
+        power: v.throughput,
+        flags: v.flags & (VERTEX_DEPTH | VERTEX_IN_MEDIUM),
+        normal: if v.flags & VERTEX_IN_MEDIUM != 0 { [v.material as f32, 0.0, 0.0] } else { v.geometric },
+        pad0: 0.0,
+    })
+}
+
+impl PhotonMap {
+    /// Sorts photons into cells whose size suits the radii of most shade points.
+    fn new(photons: Vec<Photon>, plan: &Plan, iteration: &Iteration) -> PhotonMap {
+        if photons.is_empty() {
+            return PhotonMap::default();
+        }
+        let mut lengths: Vec<f32> = photons.iter().map(|photon| plan.distance_to_sensor(photon.position)).collect();
+        let near = ((lengths.len() - 1) as f64 * NEAR_SHARE) as usize;
+        let length = *lengths.select_nth_unstable_by(near, f32::total_cmp).1;
+        let radius = (plan.merge_radius(iteration.number) * length).max(f32::MIN_POSITIVE);
+        let cells_per_length = 0.5 / radius;
+        let lists = photons.len().next_power_of_two();
+        let list = |photon: &Photon| photon_list(photon.position, cells_per_length) & (lists as u32 - 1);
+        let keys: Vec<u32> = photons.par_iter().map(list).collect();
+        // Counting sort. The photons of a list stay in their order, so the sum at a shade point has the same bits everywhere.
+        let mut starts = vec![0u32; lists + 1];
+        keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
+        for k in 0..lists {
+            starts[k + 1] += starts[k];
+        }
+        let mut next = starts.clone();
+        let mut sorted = vec![bytemuck::Zeroable::zeroed(); photons.len()];
+        for (photon, key) in photons.into_iter().zip(keys) {
+            let place = &mut next[key as usize];
+            sorted[*place as usize] = photon;
+            *place += 1;
+        }
+        PhotonMap { photons: sorted, lists: starts, cells_per_length, max_radius: 2.0 * MAX_RADIUS * radius }
+    }
+}
+
+/// The hash of the photon's cell: see `photon_list` in `shared/photon.wgsl`.
+fn photon_list(position: [f32; 3], cells_per_length: f32) -> u32 {
+    let [x, y, z] = position.map(|x| (x * cells_per_length).floor() as i32 as u32);
+    x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791)
+}
+
+/// Whether a render gathers photons. It does if there are lamps without a surface and smooth objects that they may shine on. But
+/// light of a beam without width cannot meet a pixel without width.
+pub fn merges(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> bool {
+    settings.merge() == Merge::Auto && can_merge(scene, settings, prepared)
+}
+
+/// Whether the pixels of the camera see more than a single ray each.
+fn has_area(camera: &Camera) -> bool {
+    camera.projection.aims().is_none() || camera.projection.half_height() > 0.0
+}
+
+/// As [`merges`], whatever `--merge` says.
+pub fn can_merge(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> bool {
+    settings.strategies() == Strategies::All
+        && settings.max_depth() > 2
+        && (has_area(&scene.cameras[settings.camera()]) || prepared.emitters.thin_beams == 0)
+        && may_aim(prepared)
+}
+
+impl Renderer {
+    /// The light of this process's iterations that merging found; `None` if the render does not merge.
+    #[doc(hidden)]
+    pub fn merged(&self) -> Option<Merged> {
+        let iterations = self.stats.iterations.max(1) as f64;
+        let pixels = self.film.mean();
+        let all = pixels.chunks_exact(3).map(|rgb| luminance([rgb[0], rgb[1], rgb[2]])).sum::<f64>();
+        let share = self.stats.merged_light / iterations / (all * 3.0 / pixels.len() as f64);
+        let radius = self.plan.merge_pixels(self.next.saturating_sub(1))?;
+        Some(Merged { share: if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }, radius })
+    }
+}
+
+/// Number of photons in an iteration of so many `samples`.
+pub fn count(samples: u64) -> u32 {
+    samples.clamp(MIN_PHOTONS, MAX_PHOTONS) as u32
+}

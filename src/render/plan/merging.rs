@@ -1,0 +1,105 @@
+//! How shade points gather photons: their number, and the radius.
+
+use glam::Vec3;
+
+use super::{Observe, Plan};
+use crate::render::photons;
+use crate::render::pool_layout::PoolLayout;
+use crate::render::prepared_scene::PreparedScene;
+use crate::settings::Settings;
+use crate::wgsl::layout::Frame;
+use crate::wgsl::layout::constants::{EMITTER_SPOT, MEDIUM_FACTOR, TIME_SLOTS};
+
+/// Width of pixels that are single rays, over the half angle of the narrowest spot, and its maximum.
+const SPOT_SHARE: f64 = 0.1;
+const MAX_NARROW: f64 = 1e-3;
+
+/// What does not change during a render.
+pub struct Merging {
+    /// Radius in pixels in the first iteration.
+    pixels: f64,
+    /// Width of a pixel at distance 1, if the pixels of the camera are single rays: a share of the narrowest spot.
+    narrow: f64,
+    /// Upper bound of the distance between the origin of render space and a surface.
+    farthest: f32,
+}
+
+impl Merging {
+    pub fn new(settings: &Settings, prepared: &PreparedScene) -> Merging {
+        let bounds = prepared.geometry.bvh.host.total_aabb;
+        let farthest = bounds.min.abs().max(bounds.max.abs()).length();
+        let spots = prepared.emitters.table.iter().filter(|entry| entry.kind == EMITTER_SPOT);
+        let half_angles = spots.map(|entry| (1.0 - f64::from(entry.outer)).clamp(-1.0, 1.0).acos());
+        let narrow = half_angles.fold(MAX_NARROW / SPOT_SHARE, f64::min) * SPOT_SHARE;
+        Merging { pixels: settings.merge_radius().get(), narrow, farthest }
+    }
+}
+
+impl Plan {
+    /// The radius within which shade points gather photons, over the length of their sensor subpath; with an orthographic camera, the
+    /// radius itself. It falls with the sixth root of the number of iterations, so that bias and variance go to 0 (Knaus and Zwicker
+    /// 2011). Depends on the index of the iteration alone. 0 if nothing merges.
+    pub fn merge_radius(&self, iteration: u32) -> f32 {
+        (self.merge_pixels(iteration).unwrap_or(0.0) * self.pixel_width()) as f32
+    }
+
+    /// The radius in pixels; `None` if nothing merges.
+    pub fn merge_pixels(&self, iteration: u32) -> Option<f64> {
+        Some(self.merging.as_ref()?.pixels * (f64::from(iteration) + 1.0).powf(-1.0 / 6.0))
+    }
+
+    /// Width of a pixel at distance 1; with an orthographic camera at any distance.
+    pub fn pixel_width(&self) -> f64 {
+        match self.frame.pixel_area {
+            0.0 => self.merging.as_ref().map_or(0.0, |merging| merging.narrow),
+            area => f64::from(area).sqrt(),
+        }
+    }
+
+    /// Upper bound of the radius at surfaces and in media that the sensor sees over at most one turn.
+    pub(super) fn largest_merge_radius(&self, iteration: u32) -> f32 {
+        let sensor = Vec3::from(self.frame.sensor).length();
+        let farthest = self.merging.as_ref().map_or(0.0, |merging| 2.0 * (merging.farthest + sensor));
+        let factor = if self.has_media { MEDIUM_FACTOR } else { 1.0 };
+        factor * self.merge_radius(iteration) * if self.is_orthographic() { 1.0 } else { farthest }
+    }
+
+    /// The length that [`Plan::merge_radius`] multiplies for a sensor subpath that goes straight to `position`.
+    pub fn distance_to_sensor(&self, position: [f32; 3]) -> f32 {
+        if self.is_orthographic() { 1.0 } else { Vec3::from(position).distance(self.frame.sensor.into()) }
+    }
+
+    /// Number of photons in an iteration of `samples` samples per pixel: one for each sample of the whole film.
+    pub fn photons(&self, samples: u32) -> u32 {
+        photons::count(u64::from(self.frame.width) * u64::from(self.frame.height) * u64::from(samples))
+    }
+
+    /// Number of entries of each shade point for the light of photons that the host observes (`shared/observed.wgsl`).
+    pub fn merged_entries(&self) -> u32 {
+        if self.merging.is_some() && self.observe == Observe::Responses { TIME_SLOTS } else { 0 }
+    }
+
+    /// Sets the fields of the frame about the photons of `pool`.
+    pub(super) fn set_photons(&self, frame: &mut Frame, pool: &PoolLayout, iteration: u32) {
+        let has_photons = pool.photon_cells_per_length > 0.0;
+        frame.merge_radius = if has_photons { self.merge_radius(iteration) } else { 0.0 };
+        frame.max_merge_radius = pool.max_merge_radius;
+        frame.photon_cells_per_length = pool.photon_cells_per_length;
+        frame.photon_list_mask = pool.photon_list_mask;
+    }
+
+    /// The frame with the fields of the camera set.
+    pub fn camera_frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Whether the camera is orthographic.
+    pub fn is_orthographic(&self) -> bool {
+        self.camera_kind.is_orthographic
+    }
+
+    /// The seed of the random numbers.
+    pub fn seed(&self) -> u32 {
+        self.frame.seed
+    }
+}
