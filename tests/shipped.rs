@@ -11,7 +11,7 @@ fn folder() -> PathBuf {
 
 #[test]
 fn shipped_scenes_are_what_the_generator_writes() {
-    for name in ["cornell-box", "door-ajar", "gated-sphere", "street", "hidden-letter"] {
+    for name in ["cornell-box", "door-ajar", "gated-sphere", "street", "hidden-letter", "windscreen", "pool"] {
         let kind = Kind::parse(name).expect("a kind");
         let path = folder().join(name).with_extension("glb");
         let shipped = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));

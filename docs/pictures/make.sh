@@ -69,6 +69,16 @@ if [ "$seconds" != 0 ]; then
 fi
 sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.##.exr" --gif "$pictures/street.gif"
 
+# The street behind a windscreen, without merging and with it.
+if [ "$seconds" != 0 ]; then
+    through=("$root/scenes/windscreen.glb" --gate 20m..60m --resolution 480x270 --exposure 3.5)
+    "$taugate" render "${through[@]}" --merge off --spp 8 -o "$work/windscreen-off.png"
+    "$taugate" render "${through[@]}" --time "${seconds}s" -o "$work/windscreen-on.png"
+    "$python" -c 'import sys; from PIL import Image; parts = [Image.open(p).convert("RGB").resize((400, 225)) for p in sys.argv[1:3]]
+both = Image.new("RGB", (808, 225), "white"); both.paste(parts[0], (0, 0)); both.paste(parts[1], (408, 0))
+both.quantize(128).save(sys.argv[3], optimize=True)' "$work/windscreen-off.png" "$work/windscreen-on.png" "$pictures/windscreen.png"
+fi
+
 # A contact sheet of the files of other programs in tests/data/gltf.
 if [ "$seconds" != 0 ]; then
     mkdir -p "$work/corpus"

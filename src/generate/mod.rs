@@ -12,9 +12,11 @@ mod hall;
 mod hidden_letter;
 pub mod numbers;
 pub mod paint;
+mod pool;
 pub mod shapes;
 pub mod stage;
 mod street;
+mod windscreen;
 pub mod zoo;
 
 use crate::scene::Scene;
@@ -59,11 +61,15 @@ pub enum Kind {
     Street,
     /// A letter that a laser and a sensor see only by way of a wall.
     HiddenLetter,
+    /// The street, seen by a camera with a lamp, both behind the windscreen of a car: two curved faces, 3,192 triangles.
+    Windscreen,
+    /// A pool with 5 m of water, seen and lit from 2 m above it.
+    Pool,
 }
 
 impl Kind {
     /// The names that [`Kind::parse`] accepts.
-    pub const NAMES: [&str; 10] = [
+    pub const NAMES: [&str; 12] = [
         "cornell-box",
         "gated-sphere",
         "door-ajar",
@@ -74,6 +80,8 @@ impl Kind {
         "hundred-lamps",
         "street",
         "hidden-letter",
+        "windscreen",
+        "pool",
     ];
 
     /// The scene of this name with its default parameters: a sphere of 1 m with albedo 0.5 and 81,920 facets; clutter of at least
@@ -90,6 +98,8 @@ impl Kind {
             "hundred-lamps" => Kind::HundredLamps,
             "street" => Kind::Street,
             "hidden-letter" => Kind::HiddenLetter,
+            "windscreen" => Kind::Windscreen,
+            "pool" => Kind::Pool,
             _ => return None,
         })
     }
@@ -131,13 +141,15 @@ impl Kind {
             Kind::HundredLamps => Kind::NAMES[7],
             Kind::Street => Kind::NAMES[8],
             Kind::HiddenLetter => Kind::NAMES[9],
+            Kind::Windscreen => Kind::NAMES[10],
+            Kind::Pool => Kind::NAMES[11],
         }
     }
 }
 
 /// The scene as a binary glTF file, with the same bytes on every machine.
 pub fn glb_bytes(kind: Kind) -> Vec<u8> {
-    let motion = (kind == Kind::Street).then(street::motion);
+    let motion = matches!(kind, Kind::Street | Kind::Windscreen).then(street::motion);
     glb::write_moving(&build(kind), motion.as_ref())
 }
 
@@ -153,6 +165,8 @@ pub fn build(kind: Kind) -> Scene {
         Kind::HundredLamps => hall::build(),
         Kind::Street => street::build(),
         Kind::HiddenLetter => hidden_letter::build(),
+        Kind::Windscreen => windscreen::build(),
+        Kind::Pool => pool::build(),
     }
 }
 
