@@ -19,8 +19,8 @@ use taugate::internals::input::scenery;
 use taugate::internals::job::{feasible, read};
 use taugate::internals::render::sheets::Glass;
 use taugate::internals::render::{
-    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, missing_light_at_any_time,
-    probe,
+    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, formed_light, haze,
+    missing_light_at_any_time, probe,
 };
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::METRES_PER_NS;
@@ -101,6 +101,8 @@ struct Render {
     /// The gates of an experiment; none if all light counts.
     gate: Option<Gate>,
     light: Option<Light>,
+    /// Which strategy forms which kind of light, one sentence each.
+    formed: Vec<String>,
     /// Fraction of the visible surface that is the black back of a one-sided surface; none if it was not measured.
     black_backs: Option<f64>,
     /// None without media, or if it was not measured.
@@ -322,6 +324,7 @@ fn add_render(
         possible: timed.map(|(part, prepared)| TravelTimeBounds::new(prepared, part)),
         crop: (part.crop() != whole).then(|| part.crop().to_string()),
         gate,
+        formed: formed_light(scene, part, &prepared),
         light,
         black_backs: backs,
         optical_thickness: thickness,

@@ -23,7 +23,7 @@ use crate::scene::{Camera, Scene};
 use crate::settings::{Merge, Settings, Strategies};
 use crate::wgsl::layout::constants::{PATH_ALIVE, VERTEX_DEPTH, VERTEX_IN_MEDIUM, VERTEX_VALID};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex, Photon};
-use aims::{Aims, PhotonSource, may_aim};
+use aims::{Aims, PhotonSource, may_aim, smooth_triangles};
 use focus::{camera_rays, focus};
 
 /// Maximum number of photons in a batch, small enough for a short submit.
@@ -225,6 +225,11 @@ impl PhotonMap {
 fn photon_list(position: [f32; 3], cells_per_length: f32) -> u32 {
     let [x, y, z] = position.map(|x| (x * cells_per_length).floor() as i32 as u32);
     x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791)
+}
+
+/// Whether the scene has smooth glass or mirrors.
+pub fn has_smooth_objects(prepared: &PreparedScene) -> bool {
+    smooth_triangles(&prepared.geometry).next().is_some()
 }
 
 /// Whether a render gathers photons. It does if there are lamps without a surface and smooth objects that they may shine on. But

@@ -37,6 +37,7 @@ pub fn text(report: &Report) -> String {
         if let Some(thickness) = &render.optical_thickness {
             lines.line("fog", thickness.describe());
         }
+        lines.list("formed", &render.formed, String::clone);
         add_memory(&mut lines, render);
         add_travel_times(&mut lines, render, report.bounds.is_some());
     }

@@ -77,7 +77,7 @@ pub fn may_aim(prepared: &PreparedScene) -> bool {
 }
 
 /// The triangles with smooth materials, with their indices. Boundaries of media that do not bend light are left out.
-fn smooth_triangles(geometry: &Geometry) -> impl Iterator<Item = (u32, &Triangle)> {
+pub fn smooth_triangles(geometry: &Geometry) -> impl Iterator<Item = (u32, &Triangle)> {
     let smooth: BTreeSet<u32> =
         (0..).zip(&geometry.materials).filter(|(_, m)| is_smooth(m)).map(|(number, _)| number).collect();
     (0..)
