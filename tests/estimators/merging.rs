@@ -102,6 +102,11 @@ fn a_slab_of_any_size_and_far_away_is_seen_through() {
     }
 }
 
+/// Light that is corrected to the first order in the radius r comes too early by up to r^2 / (2 d), where d is the distance of its source:
+/// here 0.03 mm. Per metre of travel time, this much light comes from the wall.
+const EARLY: f64 = 3e-5;
+const RATE: f64 = 10.7;
+
 /// The bins of a histogram divide the time in which light comes through the slab. A continuous-wave sensor sees it at any time.
 #[test]
 fn several_responses_divide_the_light_behind_a_slab() {
@@ -127,7 +132,7 @@ fn several_responses_divide_the_light_behind_a_slab() {
         for ((found, variance), truth) in Cells::grey(batches).averages().into_iter().zip(single.chain([truth(all)])) {
             let error = variance.sqrt();
             eprintln!("{found:.6} +- {error:.1e}, expected {truth:.6}");
-            let off = ((found - truth).abs() - 5e-3 * truth.abs()).max(0.0);
+            let off = ((found - truth).abs() - 5e-3 * truth.abs() - EARLY * RATE).max(0.0);
             assert!(off < threshold(14) * error.max(1e-9), "{found} +- {error}, not {truth}");
         }
     }

@@ -15,9 +15,9 @@ const SIDE: u32 = 32;
 /// Photons of a piece in the search.
 const PILOTS: u32 = 4;
 /// A piece is useful if a photon arrives within this many sizes of the piece, as seen from the lamp and at the distance of the photon.
-const REACH: f64 = 2.0;
+const REACH: f64 = 1.0;
 /// A piece is divided while its size is more than this many distances between camera rays.
-const COARSE: f64 = 4.0;
+const COARSE: f64 = 1.5;
 /// Maximum number of rounds, each of which halves the size of useful pieces, and maximum number of pieces.
 const MAX_ROUNDS: u32 = 12;
 const MAX_PIECES: usize = 50_000;
