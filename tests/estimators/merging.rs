@@ -156,14 +156,14 @@ fn finds(name: &str, scene: &Scene, estimator: Estimator, gate: Gate, truth: f64
 #[test]
 fn a_lidar_sees_a_wall_through_its_cover() {
     let mut scene = slab();
-    scene.lights[0].kind = LightKind::Spot { intensity: [INTENSITY as f32; 3], inner: 0.0019, outer: 0.002 };
+    scene.lights[0].kind = LightKind::Spot { intensity: [INTENSITY as f32; 3], inner: 0.00199, outer: 0.002 };
     let (truth, time) = behind_slab(0.0);
-    for pixel_fov in [0.0, 1e-3] {
+    for pixel_fov in [0.0, 1e-3, 2.5e-3] {
         let aims = [Aim { point: DVec3::new(0.0, 0.0, -WALL), omitted: 0.0 }];
         scene.cameras[0].projection = Projection::Aimed { aims: aims.into(), pixel_fov };
         let s = settings(Estimator::Bdpt, [1, 1]).light_paths(200).build().unwrap();
         let gate = Gate { lo: time - 0.01, hi: time + 0.01 };
-        let (found, error) = Cells::measure(&mut renderer(&scene, &s), gate, 1, 2, 16, 600).whole();
+        let (found, error) = Cells::measure(&mut renderer(&scene, &s), gate, 1, 8, 16, 600).whole();
         eprintln!("{pixel_fov}: {found:.5} +- {error:.1e}, expected {truth:.5}");
         let off = ((found - truth).abs() - 1e-2 * truth).max(0.0);
         assert!(off < threshold(2) * error && error < 0.02 * truth, "{found} +- {error}, not {truth}");

@@ -10,7 +10,7 @@ use crate::settings::Settings;
 use crate::wgsl::layout::Frame;
 use crate::wgsl::layout::constants::{EMITTER_SPOT, MEDIUM_FACTOR, TIME_SLOTS};
 
-/// Width of pixels that are single rays, over the half angle of the narrowest spot, and its maximum.
+/// Largest width of pixels that look at points of their own, over the half angle of the narrowest spot, and largest width of all.
 const SPOT_SHARE: f64 = 0.1;
 const MAX_NARROW: f64 = 1e-3;
 
@@ -18,7 +18,7 @@ const MAX_NARROW: f64 = 1e-3;
 pub struct Merging {
     /// Radius in pixels in the first iteration.
     pixels: f64,
-    /// Width of a pixel at distance 1, if the pixels of the camera are single rays: a share of the narrowest spot.
+    /// Upper bound of the width at distance 1 that counts for pixels which look at points of their own: a share of the narrowest spot.
     narrow: f64,
     /// Upper bound of the distance between the origin of render space and a surface.
     farthest: f32,
@@ -50,9 +50,17 @@ impl Plan {
 
     /// Width of a pixel at distance 1; with an orthographic camera at any distance.
     pub fn pixel_width(&self) -> f64 {
-        match self.frame.pixel_area {
-            0.0 => self.merging.as_ref().map_or(0.0, |merging| merging.narrow),
-            area => f64::from(area).sqrt(),
+        let width = f64::from(self.frame.pixel_area).sqrt();
+        match &self.merging {
+            // No other pixel sees the light that a radius beyond the spot would take away.
+            Some(Merging { narrow, .. }) if self.camera_kind.aims > 0 => {
+                if width > 0.0 {
+                    width.min(*narrow)
+                } else {
+                    *narrow
+                }
+            }
+            _ => width,
         }
     }
 
