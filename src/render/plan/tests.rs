@@ -3,6 +3,7 @@ use glam::DVec3;
 use super::*;
 use crate::generate::{Kind, build};
 use crate::scene::Camera;
+use crate::settings::units::Gate;
 use crate::settings::{Estimator, UseEllipsoids};
 
 /// Adds a second camera to the Cornell box, `offset` metres from the first. Prepares the scene for the first camera and
