@@ -83,7 +83,9 @@ impl MemoryPlan {
         let (scene_buffers, iteration) =
             (DeviceScene::buffer_descs(prepared), iteration_buffers(info, &plan, prepared));
         let vertices = plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth));
-        let pool = pool_buffers(&plan, vertices);
+        // A photon may be stored at several bounces.
+        let photons = if plan.merging.is_some() { 2 * plan.photons(plan.max_samples()) as usize } else { 0 };
+        let pool = pool_buffers(&plan, vertices, photons);
         let buffers = sum(&scene_buffers) + sum(&iteration) + sum(&pool);
         let triangles = prepared.triangles() as u64;
         let flat = DeviceScene::host_bytes(prepared) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
@@ -147,7 +149,7 @@ pub(super) fn certain_buffers(info: &DeviceInfo, plan: &Plan, prepared: &Prepare
     let vertices = if every_path_starts_on_a_surface { plan.light_paths } else { 0 };
     let mut buffer_descs = DeviceScene::buffer_descs(prepared);
     buffer_descs.extend(iteration_buffers(info, plan, prepared));
-    buffer_descs.extend(pool_buffers(plan, vertices));
+    buffer_descs.extend(pool_buffers(plan, vertices, 0));
     buffer_descs
 }
 
@@ -160,20 +162,20 @@ fn iteration_buffers(info: &DeviceInfo, plan: &Plan, prepared: &PreparedScene) -
     buffer_descs
 }
 
-fn pool_buffers(plan: &Plan, vertices: u32) -> Vec<BufferDesc> {
+/// Buffers of a pool with so many light vertices and stored photons.
+fn pool_buffers(plan: &Plan, vertices: u32, photons: usize) -> Vec<BufferDesc> {
     let leaf_size = plan.leaf_size;
     // The tree splits its vertices in halves, so every leaf is at least half full.
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
     let offsets = if plan.estimator.pool_order == PoolOrder::ByPath { plan.light_paths as usize + 1 } else { 0 };
     let records = if plan.estimator.pool_order == PoolOrder::Trees { vertices } else { 0 };
-    let photons = if plan.merging.is_some() { plan.photons(plan.max_samples()) as usize } else { 0 };
     DevicePool::buffer_descs(PoolSize {
         vertices: vertices as usize,
         records: records as usize,
         nodes: nodes as usize,
         offsets,
         photons: photons.max(1),
-        photon_lists: photons.max(1),
+        photon_lists: if photons > 0 { photons.next_power_of_two() + 1 } else { 1 },
     })
 }
 

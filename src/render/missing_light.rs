@@ -133,6 +133,8 @@ struct Search<'a> {
     targets: Vec<Target>,
     /// Whether light subpaths are connected to the camera (t = 1), and whether those of other estimators would be.
     connects_camera: bool,
+    /// Whether there are light subpaths, and photons of beams.
+    has_light_subpaths: bool,
     may_connect_camera: bool,
     /// Whether surfaces gather the light of all paths.
     merges: bool,
@@ -160,6 +162,7 @@ impl<'a> Search<'a> {
             world: World { geometry: &prepared.geometry, media: &prepared.media },
             lamps,
             targets,
+            has_light_subpaths,
             connects_camera: has_light_subpaths && settings.strategies() == Strategies::All && !is_aimed,
             may_connect_camera: settings.strategies() == Strategies::All && !is_aimed,
             merges: photons::merges(scene, settings, prepared),
@@ -190,7 +193,7 @@ impl<'a> Search<'a> {
         let after = event.path.smooth > 0;
         let is_cut_off_from_lamp = smooth > 0 || self.lamps[lamp].is_beam();
         let is_cut_off_from_camera = after || !self.connects_camera;
-        let is_gathered = self.merges && (self.connects_camera || !self.lamps[lamp].is_beam());
+        let is_gathered = self.merges && (self.has_light_subpaths || !self.lamps[lamp].is_beam());
         let is_cut_off = is_cut_off_from_lamp && is_cut_off_from_camera && !is_gathered;
         let is_missing = crossings > 0 && (is_too_long || is_cut_off);
         let is_merged = is_gathered && is_cut_off_from_lamp && is_cut_off_from_camera && !is_missing;

@@ -162,15 +162,22 @@ impl PhotonTracer {
             stats.submit(&mut self.recorder)?;
             stats.closest_rays += living.len() as u64;
             stats.light_rays += living.len() as u64;
+            let mut dropped = 0;
             living = stats.timed(stage::READ_LIGHT, || {
                 self.buffers.vertices.with::<PathVertex, _>(end, |vertices| {
                     let new = living.iter().map(|&slot| &vertices[slot as usize]);
-                    photons.extend(new.filter(|vertex| vertex.flags & VERTEX_VALID != 0).filter_map(photon));
+                    for vertex in new.filter(|vertex| vertex.flags & VERTEX_VALID != 0) {
+                        match photon(vertex) {
+                            Some(photon) => photons.push(photon),
+                            None => dropped += 1,
+                        }
+                    }
                 })?;
                 self.buffers.states.with::<PathState, _>(end, |states| {
                     living.iter().copied().filter(|&slot| states[slot as usize].flags & PATH_ALIVE != 0).collect()
                 })
             })?;
+            stats.dropped += dropped;
         }
         Ok(())
     }

@@ -4,11 +4,12 @@ use super::sources::{DECIDE, digest};
 use super::*;
 
 /// Code that does not affect an image with given settings, or whose effect the fingerprint of the settings covers.
-const ELSEWHERE: [&str; 15] = [
+const ELSEWHERE: [&str; 16] = [
     "app",
     "bench",
     "compare",
     "detector",
+    "error",
     "error.rs",
     "files",
     "files.rs",
