@@ -35,7 +35,8 @@ struct Photon {
 // plane, over the radius. So corners and neighbouring surfaces do not exchange light.
 const SAME_SURFACE_COSINE: f32 = 0.7;
 const SAME_SURFACE_HEIGHT: f32 = 0.5;
-// Largest part of the width of a gate, or of a response on average, by which the error of a travel time may change who is inside: the curvature of the wavefront.
+// Largest error of a travel time, over the width of the gate; with several responses, over their mean width. The error comes from the
+// curvature of the wavefront.
 const GATE_SHARE: f32 = 0.1;
 // The radius in media, over the radius on surfaces: fewer photons are near a point of a volume, and their light changes slowly with it.
 const MEDIUM_FACTOR: f32 = 4.0;

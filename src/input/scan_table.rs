@@ -10,6 +10,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::Result;
+use crate::render::split_mix;
 use crate::scene::check::MAX_COORDINATE;
 use crate::scene::{Aim, Camera, Light, LightKind, Projection};
 use crate::settings::MAX_ROW;
@@ -159,11 +160,7 @@ impl Scan {
         if index == 0 {
             return seed;
         }
-        // SplitMix64 (Steele, Lea and Flood 2014).
-        let state = (u64::from(seed) << 32 | index as u64).wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (state ^ (state >> 31)) as u32
+        split_mix::mix((u64::from(seed) << 32 | index as u64).wrapping_add(split_mix::STEP)) as u32
     }
 
     /// Whether each point of the laser is one beam of a LiDAR: a cone of light, and a sensor in the same place that looks along its axis

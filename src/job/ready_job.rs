@@ -89,8 +89,8 @@ impl ReadyJob {
     /// the file at its end, and before that when `every` has passed since the last time. A render that is killed can so be continued by
     /// another process: the image gets the same bits as without the interruption, unless the budget changes or is a time.
     ///
-    /// Fails if the render has begun, if the scene is not from a file, if the file holds the sums of another render, if another process uses it, or if it
-    /// cannot be read.
+    /// Fails if the render has begun, or if the scene is not from a file. Also fails if the file holds the sums of another render, if
+    /// another process uses it, or if it cannot be read.
     pub fn keep_sums(&mut self, path: &Path, every: Duration) -> Result<()> {
         if self.film().samples() > 0 {
             return Err(Error::advice(

@@ -16,7 +16,7 @@ pub fn formed_light(scene: &Scene, settings: &Settings, prepared: &PreparedScene
     if has(|kind| kind == EMITTER_SKY) {
         lines.push("light of the sky: rays towards it, and rays that leave the scene".into());
     }
-    if !has(|kind| kind != EMITTER_TRIANGLE && kind != EMITTER_SKY) {
+    if photons::lamps(prepared).next().is_none() {
         return lines;
     }
     lines.push("light of lamps without a surface: connections to them, and to surfaces that they light".into());

@@ -186,6 +186,12 @@ impl Geometry {
         }
     }
 
+    /// A distance beyond the scene, from any point of it.
+    pub fn far(&self) -> f64 {
+        let bounds = self.bvh.host.total_aabb;
+        2.0 * f64::from((bounds.max - bounds.min).length()).max(1e-9)
+    }
+
     /// The index of a material's double-sided copy, with the TRIANGLE_ bits of `material`.
     fn double_sided(&mut self, material: u32) -> u32 {
         let number = material & TRIANGLE_MATERIAL;

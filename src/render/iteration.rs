@@ -135,9 +135,8 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Also traces photons, if the render
-    /// merges. Calls `visit` with every
-    /// vertex that the sensor sees (t = 1).
+    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Also traces photons, if
+    /// the render merges. Calls `visit` with every vertex that the sensor sees (t = 1).
     pub(super) fn build_pool(
         &mut self,
         iteration: &Iteration,

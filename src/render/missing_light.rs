@@ -27,6 +27,7 @@ use lamps::{Lamp, lamps};
 pub use message::MissingLight;
 pub use surfaces::is_smooth;
 use surfaces::nearest;
+pub use targets::ON_SQUARE;
 use targets::{Target, targets};
 use walk::{Event, Ray, World};
 
@@ -239,8 +240,7 @@ impl<'a> Search<'a> {
         }
         let count = (LIGHT_RAYS / pairs.len().max(1) as u32).max(MIN_LIGHT_RAYS);
         let World { geometry, .. } = self.world;
-        let bounds = geometry.bvh.host.total_aabb;
-        let far = 2.0 * f64::from((bounds.max - bounds.min).length()).max(1e-9);
+        let far = geometry.far();
         let rays = pairs.par_iter().flat_map_iter(|&(number, target)| {
             let lamp = &self.lamps[number];
             let ray = |k: u32| {

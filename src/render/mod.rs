@@ -47,6 +47,7 @@ mod sensor;
 pub mod sheets;
 mod solids;
 pub mod space;
+pub mod split_mix;
 mod stats;
 mod strategies;
 mod submit_size;

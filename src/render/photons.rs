@@ -24,6 +24,7 @@ use crate::settings::{Merge, Settings, Strategies};
 use crate::wgsl::layout::constants::{PATH_ALIVE, VERTEX_DEPTH, VERTEX_IN_MEDIUM, VERTEX_VALID};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex, Photon};
 use aims::{Aims, PhotonSource, may_aim, smooth_triangles};
+pub use aims::{half_angle, lamps};
 use focus::{camera_rays, focus};
 
 /// Maximum number of photons in a batch, small enough for a short submit.
@@ -122,7 +123,8 @@ impl PhotonTracer {
         let aims = self.aims.get_or_insert_with(|| {
             let world = World { geometry: &self.geometry, media: &self.media };
             let rays = camera_rays(plan, &self.sensor_aims);
-            focus(Aims::new(&self.geometry, &self.source, plan.traces_light), &self.source, plan, &world, &rays)
+            let all = || Aims::new(&self.geometry, &self.source, plan.traces_light);
+            stats.timed(stage::AIM_PHOTONS, || focus(all(), &self.source, plan, &world, &rays))
         });
         if aims.is_empty() {
             return Ok(PhotonMap::default());
@@ -262,11 +264,11 @@ impl Renderer {
     /// The light of this process's iterations that merging found; `None` if the render does not merge.
     #[doc(hidden)]
     pub fn merged(&self) -> Option<Merged> {
+        let radius = self.plan.merge_pixels(self.next.saturating_sub(1))?;
         let iterations = self.stats.iterations.max(1) as f64;
         let pixels = self.film.mean();
         let all = pixels.chunks_exact(3).map(|rgb| luminance([rgb[0], rgb[1], rgb[2]])).sum::<f64>();
         let share = self.stats.merged_light / iterations / (all * 3.0 / pixels.len() as f64);
-        let radius = self.plan.merge_pixels(self.next.saturating_sub(1))?;
         Some(Merged { share: if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }, radius })
     }
 }

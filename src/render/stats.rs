@@ -12,6 +12,7 @@ pub(super) mod stage {
     pub const ALLOCATE: &str = "allocate buffers";
     pub const RECORD: &str = "record commands";
     pub const READ_LIGHT: &str = "read light vertices";
+    pub const AIM_PHOTONS: &str = "aim photons";
     pub const BUILD_TREES: &str = "build trees";
     pub const UPLOAD: &str = "upload";
     pub const READ_COUNTERS: &str = "read counters";

@@ -292,8 +292,8 @@ table! {
         /// image is the same [default: auto]
         ellipsoids: UseEllipsoids = |_| UseEllipsoids::Auto, Setting::sampling("ellipsoids", "auto|on|off").only_for(Estimator::by_importance);
 
-        /// Gather the light of paths that no strategy forms: those from a lamp without a surface over smooth glass or mirrors to a
-        /// surface, and over such glass or mirrors to the camera. Merging takes photons of its own. auto or off [default: auto]
+        /// Gather light that no strategy forms: a lamp without a surface sends it over smooth glass or mirrors to a surface, which the
+        /// camera sees over glass or mirrors too. Merging takes photons of its own. auto or off [default: auto]
         merge: Merge = |_| Merge::Auto, Setting::sampling("merge", "auto|off").also(Page);
 
         /// Radius in pixels within which merging gathers light in the first iteration. It falls with the sixth root of the number of

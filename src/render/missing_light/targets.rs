@@ -11,7 +11,7 @@ use crate::wgsl::layout::constants::{TRIANGLE_MATERIAL, TRIANGLE_NULL};
 /// The fractional part of the golden ratio. Its multiples are evenly spread on a line.
 pub const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Multiples of these two numbers are evenly spread on a square (the sequence R2).
-const ON_SQUARE: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
+pub const ON_SQUARE: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
 /// The smooth triangles of one instance.
 pub struct Target {

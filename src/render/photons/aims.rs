@@ -7,9 +7,10 @@ use rayon::prelude::*;
 
 use crate::render::emitters::luminance;
 use crate::render::geometry::Geometry;
-use crate::render::missing_light::is_smooth;
 use crate::render::missing_light::walk::Ray;
+use crate::render::missing_light::{ON_SQUARE, is_smooth};
 use crate::render::prepared_scene::PreparedScene;
+use crate::render::split_mix::{STEP, mix};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, NONE, PathState, Triangle};
 
@@ -66,10 +67,14 @@ pub struct Aims {
     weights: Vec<f64>,
 }
 
+/// The lamps without a surface, which rays cannot hit.
+pub fn lamps(prepared: &PreparedScene) -> impl Iterator<Item = &Emitter> {
+    prepared.emitters.table.iter().filter(|entry| entry.kind != EMITTER_TRIANGLE && entry.kind != EMITTER_SKY)
+}
+
 /// Whether there are lamps without a surface, and smooth objects that they may shine on, but not more than [`MAX_PAIRS`].
 pub fn may_aim(prepared: &PreparedScene) -> bool {
-    let is_lamp = |entry: &Emitter| entry.kind != EMITTER_TRIANGLE && entry.kind != EMITTER_SKY;
-    let lamps = prepared.emitters.table.iter().filter(|entry| is_lamp(entry)).count();
+    let lamps = lamps(prepared).count();
     if lamps == 0 || !prepared.geometry.materials.iter().any(is_smooth) {
         return false;
     }
@@ -179,9 +184,7 @@ impl PhotonSource {
     pub fn new(prepared: &PreparedScene) -> PhotonSource {
         let PreparedScene { geometry, emitters, media, .. } = prepared;
         let around = emitters.table.iter().map(|entry| geometry.around(entry.solid, media.surrounding[1])).collect();
-        let bounds = geometry.bvh.host.total_aabb;
-        let far = 2.0 * f64::from((bounds.max - bounds.min).length()).max(1e-9);
-        PhotonSource { table: emitters.table.clone(), around, far }
+        PhotonSource { table: emitters.table.clone(), around, far: geometry.far() }
     }
 
     /// Size of a piece as seen from its lamp: longest edge over distance. With parallel light, the longest edge; with a beam 0.
@@ -203,7 +206,7 @@ impl PhotonSource {
 
     /// Photon `number` of an evenly spread few from `piece`, as a ray on the host. `None` if the lamp does not shine there.
     pub fn pilot(&self, piece: &Piece, number: u32) -> Option<Ray> {
-        let u = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + f64::from(number) * step).fract());
+        let u = ON_SQUARE.map(|step| (0.5 + f64::from(number) * step).fract());
         let state = self.start(piece, 1.0, u);
         let vector = |v: [f32; 3]| DVec3::from(v.map(f64::from));
         let solid = self.table[piece.emitter as usize].solid;
@@ -303,24 +306,22 @@ fn profile(emitter: &Emitter, direction: DVec3) -> f64 {
     ((outer - off) / (outer - inner).max(1e-20)).clamp(0.0, 1.0).powi(2)
 }
 
+/// Half of the angle of a spot's cone, in radians. The emitter holds one minus its cosine.
+pub fn half_angle(spot: &Emitter) -> f64 {
+    (1.0 - f64::from(spot.outer)).clamp(-1.0, 1.0).acos()
+}
+
 /// Whether everything within the angle `size` around `direction` is outside of the cone of a spot.
 fn is_outside(emitter: &Emitter, direction: DVec3, size: f64) -> bool {
     let cosine = direction.dot(Vec3::from(emitter.direction).as_dvec3()).clamp(-1.0, 1.0);
-    let half_angle = (1.0 - f64::from(emitter.outer)).clamp(-1.0, 1.0).acos();
-    size < 1.0 && cosine.acos() > half_angle + 2.0 * size.asin() + 1e-6
+    size < 1.0 && cosine.acos() > half_angle(emitter) + 2.0 * size.asin() + 1e-6
 }
 
-/// Three uniform numbers in [0, 1), a function of the arguments (SplitMix64: Steele et al. 2014).
+/// Three uniform numbers in [0, 1), a function of the arguments.
 fn uniforms(seed: u32, iteration: u32, number: u32) -> [f64; 3] {
     let mut state = mix(u64::from(seed) << 32 | u64::from(iteration)) ^ u64::from(number);
     [(); 3].map(|()| {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        state = state.wrapping_add(STEP);
         (mix(state) >> 11) as f64 / (1u64 << 53) as f64
     })
-}
-
-fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }

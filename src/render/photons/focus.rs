@@ -35,7 +35,8 @@ struct Seen {
     spacing: f64,
 }
 
-/// Divides the useful pieces, and gives them most of the photons. `rays`: see [`camera_rays`]. Changes nothing if there are too many pieces, or none is useful.
+/// Divides the useful pieces, and gives them most of the photons. `rays`: see [`camera_rays`]. Changes nothing
+/// if there are too many pieces, or if none is useful.
 pub fn focus(aims: Aims, source: &PhotonSource, plan: &Plan, world: &World, rays: &[(Ray, f64)]) -> Aims {
     let seen = seen(world, plan, rays);
     if seen.is_empty() || aims.pieces.len() > MAX_PIECES {

@@ -29,8 +29,7 @@ impl Merging {
         let bounds = prepared.geometry.bvh.host.total_aabb;
         let farthest = bounds.min.abs().max(bounds.max.abs()).length();
         let spots = prepared.emitters.table.iter().filter(|entry| entry.kind == EMITTER_SPOT);
-        let half_angles = spots.map(|entry| (1.0 - f64::from(entry.outer)).clamp(-1.0, 1.0).acos());
-        let narrow = half_angles.fold(MAX_NARROW / SPOT_SHARE, f64::min) * SPOT_SHARE;
+        let narrow = spots.map(photons::half_angle).fold(MAX_NARROW / SPOT_SHARE, f64::min) * SPOT_SHARE;
         Merging { pixels: settings.merge_radius().get(), narrow, farthest }
     }
 }
@@ -53,13 +52,7 @@ impl Plan {
         let width = f64::from(self.frame.pixel_area).sqrt();
         match &self.merging {
             // No other pixel sees the light that a radius beyond the spot would take away.
-            Some(Merging { narrow, .. }) if self.camera_kind.aims > 0 => {
-                if width > 0.0 {
-                    width.min(*narrow)
-                } else {
-                    *narrow
-                }
-            }
+            Some(Merging { narrow, .. }) if self.camera_kind.aims > 0 && (width == 0.0 || *narrow < width) => *narrow,
             _ => width,
         }
     }
