@@ -78,7 +78,7 @@ fn connected(at: PathVertex, rank: u32, slot: u32) -> vec4<f32> {
         let start = segment_start(q, segments[q.owner]);
         q = draw_in_gate(q, segments[q.owner], v, flight_uniforms(key).xy);
         if (HAS_SHEETS) {
-            pass_sheets_before(&q, start);
+            pass_sheets_before(&q, start, dispatch.bounce == 0u);
         }
     }
 

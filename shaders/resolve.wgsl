@@ -39,10 +39,15 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         let r = radiance[path].xyz;
         let counted = select(vec3<f32>(0.0), r, is_finite(r));
         sum += counted;
-        squares += square(luminance(counted));
+        if (!SPLITS_AT_SHEETS) {
+            squares += square(luminance(counted));
+        }
         if (MERGES) {
             merged += select(0.0, radiance[path].w, is_finite(r));
         }
+    }
+    if (SPLITS_AT_SHEETS) {
+        squares = squares_of_pairs(id.x, end - id.x);
     }
     let p = sensor_sample(id.x).pixel - vec2<u32>(frame.crop_x, frame.crop_y);
     let index = p.y * frame.crop_width + p.x;
@@ -50,6 +55,21 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     if (MERGES) {
         merged_film[index] = merged / f32(end - id.x);
     }
+}
+
+// Sum of the squared luminances of the samples that pass thin glass, each with a sample that stops there. `count`: number of all samples
+// of the pixel, whose first one is `first`.
+fn squares_of_pairs(first: u32, count: u32) -> f32 {
+    let passing = passing_samples(count);
+    let stopping = count - passing;
+    var sum = 0.0;
+    for (var k = 0u; k < passing; k++) {
+        let passed = radiance[first + k].xyz * (f32(passing) / f32(count));
+        let stopped = radiance[first + passing + k % stopping].xyz * (f32(stopping) / f32(count));
+        let both = passed + stopped;
+        sum += select(0.0, square(luminance(both)), is_finite(both));
+    }
+    return sum;
 }
 
 // Adds the tallies of TALLIED_PATHS paths to `counters`. Sums of integers do not depend on the order of the threads. They fit 32 bits:

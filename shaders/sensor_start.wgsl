@@ -31,6 +31,12 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.direction = direction;
     s.eta = eta_around(frame.sensor_solid);
     s.throughput = vec3<f32>(1.0);
+    if (SPLITS_AT_SHEETS) {
+        // The mean over all samples of the pixel is the sum of the means over both kinds of samples.
+        let count = samples_of_pixel(slot);
+        let passing = passing_samples(count);
+        s.throughput *= f32(count) / f32(select(passing, count - passing, sensor.stops));
+    }
     s.flags = with_solid(PATH_ALIVE | select(0u, PATH_PARALLEL, HAS_ORTHOGRAPHIC), solid_around(frame.sensor_solid));
     if (MERGES) {
         s.flags |= PATH_ONLY_SMOOTH;

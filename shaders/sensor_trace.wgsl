@@ -45,7 +45,19 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (HAS_SHEETS && depth == 1u) {
         sheet_numbers = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_SHEET, sensor.seed);
     }
-    let arrival = advance(&s, false, true, key, flight);
+    let stops = SPLITS_AT_SHEETS && depth == 1u && sensor.stops;
+    if (SPLITS_AT_SHEETS && depth == 1u) {
+        split = select(SPLIT_PASSES, SPLIT_STOPS, stops);
+    }
+    var arrival = advance(&s, false, true, key, flight);
+    if (stops) {
+        // The other samples of the pixel carry the light of rays that end before a clear sheet, and of events on the way to it.
+        if (split != SPLIT_NONE || is_in_medium(arrival.vertex)) {
+            return;
+        }
+        arrival.segment.limit = 0.0;
+    }
+    split = SPLIT_NONE;
     // Whether light vertices may be connected to events on the segment.
     let has_segment = DRAWS_IN_GATE && arrival.segment.limit > 0.0 && depth < frame.max_depth;
     if (DRAWS_IN_GATE) {

@@ -124,13 +124,15 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
 
 // Multiplies the throughput of an event that was drawn on the segment of a sensor subpath by the transmittance of the thin glass between
 // the start of the segment and the event. The subpath has passed this glass at random, but `draw_in_gate` does not know where.
-fn pass_sheets_before(event: ptr<function, PathVertex>, start: vec3<f32>) {
+// `is_first`: whether it is the first segment, on which the subpath has passed the first clear sheet for sure.
+fn pass_sheets_before(event: ptr<function, PathVertex>, start: vec3<f32>, is_first: bool) {
     let way = start - (*event).position;
     goes_back = true;
+    last_clear = 1.0;
     // The ray ends before the surface at the start.
     trace((*event).position, way, 1.0 - 1e-5, true, NONE, vec4<u32>(0u));
     goes_back = false;
-    (*event).throughput *= transit.weight;
+    (*event).throughput *= transit.weight * select(1.0, last_clear, SPLITS_AT_SHEETS && is_first);
 }
 
 // The share for which the splat of v counts, if a flight along a beam has ended in the event v. If beam_events.wgsl has drawn v, its splat

@@ -170,6 +170,8 @@ override HAS_GROUP_INDICES: bool = false;
 // Whether the scene has thin glass (sheet.wgsl), and whether this glass delays light.
 override HAS_SHEETS: bool = false;
 override HAS_DELAYS: bool = false;
+// Whether camera rays split at clear thin glass (sheet.wgsl).
+override SPLITS_AT_SHEETS: bool = false;
 // Whether a medium has a density grid (grid.wgsl).
 override HAS_GRIDS: bool = true;
 // Whether the events in a medium that are connected to deterministic vertices are drawn inside the gate (shared/fog.wgsl).

@@ -3,7 +3,8 @@
 
 // One entry per sample, with two 16-bit numbers in each word, the first in the low half. x: column and row of the pixel in
 // the whole film. y: number of the sample within its pixel and iteration, and the pixel's number of samples in this
-// iteration. The samples of a pixel are consecutive and start with number 0.
+// iteration. The samples of a pixel are consecutive and start with number 0. With SPLITS_AT_SHEETS, the last ones stop at thin glass
+// (`Split` in sheet.wgsl).
 @group(2) @binding(8) var<storage, read> tile_samples: array<vec2<u32>>;
 
 struct SensorSample {
@@ -16,6 +17,8 @@ struct SensorSample {
     number: u32,
     // The same number, counted over the whole render.
     sample: u32,
+    // Whether the sample carries only the light of paths that begin at the thin glass which the camera sees.
+    stops: bool,
 }
 
 // The pixel and the sample that sensor subpath `slot` of the tile belongs to.
@@ -24,7 +27,14 @@ fn sensor_sample(slot: u32) -> SensorSample {
     let number = s.y & 0xffffu;
     let pixel = vec2<u32>(s.x & 0xffffu, s.x >> 16u);
     let index = select(pixel.y * frame.width + pixel.x, 0u, HAS_OWN_LASERS);
-    return SensorSample(pixel, index, pixel_seed(pixel), number, frame.first_sample + number);
+    let stops = number >= passing_samples(s.y >> 16u);
+    return SensorSample(pixel, index, pixel_seed(pixel), number, frame.first_sample + number, stops);
+}
+
+// How many of the `count` samples of a pixel do not stop at thin glass. There is one that does for each four of them, or for a part of four
+// (`sensor_samples` in render/plan.rs).
+fn passing_samples(count: u32) -> u32 {
+    return select(count, 4u * count / 5u, SPLITS_AT_SHEETS);
 }
 
 // Number of samples that the pixel of sample `slot` has in this iteration.

@@ -5,6 +5,9 @@
 // Smooth sheets are no vertices of paths. Rays pass them as they pass surfaces with alpha: a ray of a subpath passes at random, and
 // a shadow ray always passes, with the share of the light as a factor. A ray that does not pass has hit the rest of the material,
 // for example its reflection. Rough sheets are vertices, because they scatter light that passes.
+//
+// Camera rays split at the first sheet if it is clear: all but a few samples of a pixel pass it with the share of the light as a factor.
+// The others stop there. Choosing at random costs more than the samples that do not pass: the number that pass varies in each pixel.
 #import bsdf
 #import surface
 
@@ -49,6 +52,16 @@ var<private> follows_beam: bool = false;
 var<private> goes_back: bool = false;
 // Stratified numbers for the first two sheets that the next ray meets; negative if there are none.
 var<private> sheet_numbers: vec2<f32> = vec2<f32>(-1.0);
+
+// Whether the next ray passes the first clear sheet for sure, or stops there. SPLIT_NONE once it has met this sheet.
+const SPLIT_NONE: u32 = 0u;
+const SPLIT_PASSES: u32 = 1u;
+const SPLIT_STOPS: u32 = 2u;
+var<private> split: u32 = SPLIT_NONE;
+// Least `probability` of a clear sheet. At others, such as half mirrors, the few samples that stop would be too few.
+const CLEAR_PROBABILITY: f32 = 0.75;
+// The `probability` of the last clear sheet that a ray which `goes_back` has met; 1 if there was none.
+var<private> last_clear: f32 = 1.0;
 
 // The sheets that the ray of `trace` has passed. In scenes without media, only the product over all sheets.
 var<private> transit: Transit = OPEN_TRANSIT;
@@ -121,6 +134,12 @@ fn sheet_at(s: Surface, direction: vec3<f32>) -> Sheet {
     return Sheet(share, min(most / max(most + (1.0 - clear), 1e-30), limit), delay, diffuse || has_rough_clearcoat(m, point_words(s)));
 }
 
+// Whether camera rays split at the sheet at `s`. A sheet with alpha is not clear: it has holes.
+fn is_clear(s: Surface, sheet: Sheet) -> bool {
+    let has_holes = HAS_ALPHA && (load_triangle(s.triangle).material & TRIANGLE_ALPHA) != 0u;
+    return SPLITS_AT_SHEETS && sheet.probability >= CLEAR_PROBABILITY && !has_holes;
+}
+
 // Whether the ray along `direction` (unit) passes the sheet at `s`, which lies at the distance `t`. Notes the sheet if so. `is_shadow`:
 // see `trace`. `u`: uniform in [0, 1).
 fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f32) -> bool {
@@ -131,6 +150,9 @@ fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f3
         let share = vec3<f32>(1.0 - covered) + covered * sheet.share;
         let probability = 1.0 - covered + covered * sheet.probability;
         note_sheet(t, Transit(share / max(probability, 1e-30), sheet.delay, sheet.scatters));
+        if (is_clear(s, sheet)) {
+            last_clear = sheet.probability;
+        }
         return true;
     }
     if (sheet.probability <= 0.0) {
@@ -142,6 +164,14 @@ fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f3
     }
     if (follows_beam) {
         return false;
+    }
+    if (SPLITS_AT_SHEETS && split != SPLIT_NONE && is_clear(s, sheet)) {
+        let passes = split == SPLIT_PASSES;
+        split = SPLIT_NONE;
+        if (passes) {
+            note_sheet(t, Transit(sheet.share, sheet.delay, sheet.scatters));
+        }
+        return passes;
     }
     let number = select(u, sheet_numbers.x, sheet_numbers.x >= 0.0);
     sheet_numbers = vec2<f32>(sheet_numbers.y, -1.0);

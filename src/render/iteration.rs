@@ -96,7 +96,8 @@ impl Renderer {
         }
         let sensor = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
         sensor.begin(stop);
-        let mut tiles = stats.timed(stage::RECORD, || Tiles::new(plan.crop, &counts));
+        let mut tiles =
+            stats.timed(stage::RECORD, || Tiles::new(plan.crop, &|pixel| plan.sensor_samples(counts.of(pixel))));
         while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(sensor.tile_size())) {
             let mut subpaths = sensor.start(plan, tile, &pool, stats)?;
             for bounce in 0..plan.max_depth {
@@ -131,7 +132,7 @@ impl Renderer {
 
         stats.waits += device.waits() - waits;
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
-        self.finish_iteration(counts.max());
+        self.finish_iteration(self.plan.sensor_samples(counts.max()));
         Ok(true)
     }
 
@@ -163,10 +164,10 @@ impl Renderer {
             responses.end();
         }
         self.stats.samples += self.plan.crop_pixels * u64::from(samples);
-        self.finish_iteration(samples);
+        self.finish_iteration(self.plan.sensor_samples(samples));
     }
 
-    /// `max`: the maximum number of samples in a pixel of the iteration.
+    /// `max`: the maximum number of sensor subpaths of a pixel in the iteration.
     pub(super) fn finish_iteration(&mut self, max: u32) {
         self.done.add(self.next);
         self.next += 1;

@@ -62,8 +62,9 @@ pub struct Features {
     pub retroreflectors: bool,
     /// Whether meshes bound media without bending light.
     pub null_boundaries: bool,
-    /// Whether there is thin glass, and whether it delays light.
+    /// Whether there is thin glass, whether some of it may be clear, and whether it delays light.
     pub sheets: bool,
+    pub clear_sheets: bool,
     pub delays: bool,
 }
 
@@ -83,7 +84,7 @@ impl Material {
 
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 17] {
+    pub fn constants(&self) -> [(&'static str, f64); 18] {
         [
             ("HAS_TEXTURES", self.textures),
             ("HAS_SURFACE_TEXTURES", self.surface_textures),
@@ -101,6 +102,7 @@ impl Features {
             ("HAS_RETROREFLECTORS", self.retroreflectors),
             ("HAS_NULL_BOUNDARIES", self.null_boundaries),
             ("HAS_SHEETS", self.sheets),
+            ("SPLITS_AT_SHEETS", self.clear_sheets),
             ("HAS_DELAYS", self.delays),
         ]
         .map(|(name, on)| (name, if on { 1.0 } else { 0.0 }))
@@ -244,6 +246,7 @@ impl<'a> MaterialSet<'a> {
         match thickness {
             Some(thickness) => {
                 self.features.sheets = true;
+                self.features.clear_sheets |= alpha == 0.0 || varies;
                 self.features.delays |= thickness > 0.0;
             }
             None if transmits => {

@@ -328,6 +328,12 @@ impl Plan {
         if self.camera_kind.aims > 0 && !self.adaptive { MAX_AIMED_SAMPLES } else { MAX_AVERAGE_SAMPLES }
     }
 
+    /// Number of sensor subpaths for `samples` samples of a pixel in an iteration. If camera rays split at thin glass, some more subpaths
+    /// stop there (`passing_samples` in `shared/samples.wgsl`).
+    pub fn sensor_samples(&self, samples: u32) -> u32 {
+        samples + if self.features.clear_sheets { samples.div_ceil(4) } else { 0 }
+    }
+
     /// Number of light subpaths per iteration. The first `light_paths` of them are stored for connections. The others serve
     /// only the strategies with t = 1.
     pub fn traced_paths(&self) -> u32 {

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use glam::{DVec3, Vec3};
+
 use crate::scene::{Material, Mesh, Scene, surrounding_indices};
 
 /// A ray is assumed to cross a curved sheet at most this often, if the sheet delays light.
@@ -134,7 +136,7 @@ impl Kind {
             Kind::AlmostClosed => {
                 let share = if edges(mesh) <= FEW_EDGES { 4 } else { 10 };
                 let is_almost = share * open_edges < edges(mesh) && mesh.unpaired_edges() > 0;
-                material.thin.is_none() && !mesh.is_flat() && is_almost
+                material.thin.is_none() && !mesh.is_flat() && is_almost && is_folded(mesh)
             }
             Kind::Slab => material.thin == Some(true) && open_edges == 0 && is_slab(mesh),
             Kind::Water => {
@@ -201,6 +203,19 @@ fn is_slab(mesh: &Mesh) -> bool {
 fn is_pane(mesh: &Mesh, thickness: f32) -> bool {
     let [lo, hi] = mesh.bounds();
     mesh.is_flat() && (hi - lo).max_element() > PANE * f64::from(thickness)
+}
+
+/// Whether the triangles of a mesh face so many ways that the sum of their area vectors is short: 0 for a closed mesh, and almost the area
+/// for a curved windscreen, whose fine grid has few open edges.
+fn is_folded(mesh: &Mesh) -> bool {
+    let (mut sum, mut area) = (DVec3::ZERO, 0.0);
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|corner| Vec3::from(mesh.positions[corner as usize]).as_dvec3());
+        let vector = (b - a).cross(c - a);
+        sum += vector;
+        area += vector.length();
+    }
+    sum.length() < 0.5 * area
 }
 
 /// About the number of edges of a mesh: two triangles share an edge.
@@ -286,6 +301,10 @@ mod tests {
         open.triangles.pop();
         assert!(warned(Material::glass("ball"), open.clone()).contains("almost closed (3 of 478 edges are open)"));
         assert_eq!(warned(Material { thin: Some(true), ..Material::glass("bulb") }, open), "");
+        let mut cap = icosphere(1.0, 4);
+        let is_low = |cap: &Mesh, t: &[u32; 3]| t.iter().any(|&corner| cap.positions[corner as usize][2] < 0.8);
+        cap.triangles = cap.triangles.iter().filter(|t| !is_low(&cap, t)).copied().collect();
+        assert_eq!(warned(Material::glass("curved windscreen"), cap), "");
         let mut block = cuboid(DVec3::ZERO, DVec3::ONE);
         block.triangles[3].swap(0, 1);
         assert!(warned(Material::glass("block"), block.clone()).contains("some of its triangles face inwards"));

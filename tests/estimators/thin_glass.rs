@@ -89,6 +89,19 @@ fn a_wall_behind_a_sheet_is_dimmed_and_not_delayed() {
     }
 }
 
+/// All samples that pass a sheet are worth the same, and none of them is lost.
+#[test]
+fn a_clear_sheet_adds_no_noise() {
+    for estimator in [Estimator::Pt, Estimator::Lcs] {
+        let of = |scene: &Scene| mean(scene, estimator, 2, (7.9, 8.1));
+        let (bare, behind) =
+            (of(&wall_behind(|_| {})), of(&wall_behind(|scene| sheet(scene, glass("pane"), 1.0, 1.0))));
+        let noise = |(mean, error): (f64, f64)| error / mean;
+        eprintln!("{estimator}: {:.1e} without a sheet, {:.1e} with it", noise(bare), noise(behind));
+        assert!(noise(behind) < 1.5 * noise(bare) + 1e-4, "{estimator}: {behind:?}, {bare:?}");
+    }
+}
+
 #[test]
 fn two_tinted_sheets_multiply() {
     let tint = |name, [r, g, b]: [f32; 3]| Material { base_color: [r, g, b, 1.0], ..glass(name) };

@@ -49,9 +49,17 @@ fn lobes_and_transparency_switch_on_their_features() {
     let solid = Material { thin: Some(false), ..Material::glass("glass") };
     assert_eq!(of(|_, _| solid.clone()), ["HAS_GLOSSY", "HAS_TRANSMISSION"]);
     // One plane bounds no solid.
-    assert_eq!(of(|_, _| Material::glass("glass")), ["HAS_GLOSSY", "HAS_TRANSMISSION", "HAS_SHEETS"]);
+    assert_eq!(
+        of(|_, _| Material::glass("glass")),
+        ["HAS_GLOSSY", "HAS_TRANSMISSION", "HAS_SHEETS", "SPLITS_AT_SHEETS"]
+    );
+    let rough = Material { roughness: 0.5, ..Material::glass("glass") };
+    assert_eq!(of(|_, _| rough.clone()), ["HAS_GLOSSY", "HAS_TRANSMISSION", "HAS_SHEETS"]);
     let thick = Material { thickness: 0.01, ..Material::glass("glass") };
-    assert_eq!(of(|_, _| thick.clone()), ["HAS_GLOSSY", "HAS_TRANSMISSION", "HAS_SHEETS", "HAS_DELAYS"]);
+    assert_eq!(
+        of(|_, _| thick.clone()),
+        ["HAS_GLOSSY", "HAS_TRANSMISSION", "HAS_SHEETS", "SPLITS_AT_SHEETS", "HAS_DELAYS"]
+    );
     let translucent = |m| Material { base_color: [1.0, 1.0, 1.0, 0.5], alpha_mode: AlphaMode::Blend, ..m };
     assert_eq!(of(|m, _| translucent(m)), ["HAS_ALPHA"]);
 }
@@ -75,7 +83,8 @@ fn textures_switch_on_their_features() {
         assert_eq!(of(change), [&coats[..], &["HAS_CLEARCOAT"]].concat());
     }
     let pane = |_, t| Material { transmission_texture: Some(t), ..Material::glass("pane") };
-    let expected = [&varying[..], &["HAS_TRANSMISSION", "HAS_TRANSMISSION_TEXTURES", "HAS_SHEETS"]].concat();
+    let expected =
+        [&varying[..], &["HAS_TRANSMISSION", "HAS_TRANSMISSION_TEXTURES", "HAS_SHEETS", "SPLITS_AT_SHEETS"]].concat();
     assert_eq!(of(pane), expected);
     let moved = DAffine2::from_translation(DVec2::X);
     let textured = |m, t| Material { base_color_texture: Some(t), ..m };

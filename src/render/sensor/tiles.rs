@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use crate::render::samples::SampleCounts;
 use crate::settings::Crop;
 
 /// Side of a block in pixels. Samples run block by block, so that the paths of a tile stay near each other.
@@ -72,10 +71,11 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    pub fn new(crop: Crop, counts: &SampleCounts) -> Tiles {
+    /// `count`: number of samples of a pixel, a row-major index in the crop.
+    pub fn new(crop: Crop, count: &(impl Fn(u32) -> u32 + Sync)) -> Tiles {
         let at = |position: u32| {
             let pixel = pixel_at(crop, position);
-            [film_pixel(crop, pixel), counts.of(pixel)]
+            [film_pixel(crop, pixel), count(pixel)]
         };
         let pixels = (0..crop.width() * crop.height()).into_par_iter().with_min_len(1 << 12).map(at).collect();
         Tiles { pixels, done: 0, tile: Tile::default() }
@@ -131,6 +131,7 @@ pub fn crop_pixel(crop: Crop, film_pixel: u32) -> u32 {
 mod tests {
     use super::*;
     use crate::gpu::{Buffer, Device, Kernel, Recorder};
+    use crate::render::samples::SampleCounts;
     use crate::wgsl::layout::Dispatch;
 
     /// The samples of a tile as the kernel lists them.
@@ -153,7 +154,7 @@ mod tests {
         let crop = Crop { x0: 5, y0: 11, x1: 28, y1: 28 };
         let each = SampleCounts::PerPixel((0..23 * 17).map(|i| 1 + (i * i % 7) as u8).collect());
         for (counts, max) in [(SampleCounts::Uniform(1024), 1), (SampleCounts::Uniform(3), 1 << 20), (each, 100)] {
-            let mut tiles = Tiles::new(crop, &counts);
+            let mut tiles = Tiles::new(crop, &|pixel| counts.of(pixel));
             for _ in 0..3 {
                 let Some((tile, _)) = tiles.next(max) else { break };
                 assert_eq!(listed_by_device(&device, &kernel, tile), tile.samples(), "{max}");
@@ -169,7 +170,7 @@ mod tests {
             let crop = Crop { x0: 5, y0: 11, x1: 5 + width, y1: 11 + height };
             let each = SampleCounts::PerPixel((0..width * height).map(|i| 1 + (i * i % 7) as u8).collect());
             for (counts, max) in [(SampleCounts::Uniform(3), 100), (each.clone(), 64), (each, 1)] {
-                let mut tiles = Tiles::new(crop, &counts);
+                let mut tiles = Tiles::new(crop, &|pixel| counts.of(pixel));
                 let mut seen = vec![0; (width * height) as usize];
                 let mut ended = false;
                 while let Some((tile, is_last)) = tiles.next(max) {
