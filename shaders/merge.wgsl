@@ -31,30 +31,29 @@ fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
     var totals: array<f32, TIME_SLOTS>;
     var noise = random_words(STREAM_PHOTON, sensor.index, sensor.sample, dispatch.bounce, 0u, sensor.seed).x;
     if (radius > 0.0) {
-        let first = photon_cell(q.position - radius);
-        let last = photon_cell(q.position + radius);
-        for (var z = first.z; z <= last.z; z++) {
-            for (var y = first.y; y <= last.y; y++) {
-                for (var x = first.x; x <= last.x; x++) {
-                    let cell = vec3<i32>(x, y, z);
-                    let list = photon_list(cell);
-                    let end = photon_lists[list + 1u];
-                    for (var i = photon_lists[list]; i < end; i++) {
-                        let p = load_photon(i);
-                        // Cells that share a list must not count each other's photons.
-                        if (any(photon_cell(p.position) != cell)) {
-                            continue;
-                        }
-                        let light = gathered(q, p, radius);
-                        sum += light.xyz;
-                        let size = max_component(light.xyz);
-                        if (MERGED_ENTRIES > 0u && size > 0.0) {
-                            let slot = time_slot(light.w);
-                            totals[slot] += size;
-                            noise = noise * 747796405u + 2891336453u;
-                            if (f32(noise >> 8u) * (1.0 / 16777216.0) * totals[slot] < size) {
-                                chosen[slot] = light;
-                            }
+        let levels = photon_levels(q, radius);
+        for (var level = levels.x; level <= levels.y; level++) {
+            let first = photon_cell(q.position - radius, level);
+            let size = vec3<u32>(photon_cell(q.position + radius, level) - first + 1);
+            for (var k = 0u; k < size.x * size.y * size.z; k++) {
+                let cell = first + vec3<i32>(vec3<u32>(k % size.x, k / size.x % size.y, k / (size.x * size.y)));
+                let list = photon_list(cell, level);
+                let end = photon_lists[list + 1u];
+                for (var i = photon_lists[list]; i < end; i++) {
+                    let p = load_photon(i);
+                    // Cells that share a list must not count each other's photons.
+                    if (p.level != level || any(photon_cell(p.position, level) != cell)) {
+                        continue;
+                    }
+                    let light = gathered(q, p, radius);
+                    sum += light.xyz;
+                    let brightness = max_component(light.xyz);
+                    if (MERGED_ENTRIES > 0u && brightness > 0.0) {
+                        let slot = time_slot(light.w);
+                        totals[slot] += brightness;
+                        noise = noise * 747796405u + 2891336453u;
+                        if (f32(noise >> 8u) * (1.0 / 16777216.0) * totals[slot] < brightness) {
+                            chosen[slot] = light;
                         }
                     }
                 }

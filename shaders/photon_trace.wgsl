@@ -1,6 +1,7 @@
 // Traces one segment of every living photon, and stores the vertex at its end if a sensor subpath may gather light there. A photon ends
 // where another strategy forms the rest of its path.
 #import walk
+#import photon
 #import camera
 #import random
 #import medium
@@ -68,5 +69,8 @@ fn photon_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 // Whether light at v arrives after the gate even on the shortest line to the sensor, and so does all light within the radius.
 fn is_much_too_late(v: PathVertex) -> bool {
     let nearest = distance(v.position, nearest_sensor_point(v.position));
-    return v.tau + nearest - 2.0 * v.eta * frame.max_merge_radius >= frame.cull_hi;
+    // The radius of a point within its radius from v: see merge_radius.
+    let rate = radius_per_length(HAS_MEDIA);
+    let radius = select(min(4.0 * rate, 1.0) * distance(v.position, frame.sensor), rate, HAS_ORTHOGRAPHIC);
+    return v.tau + nearest - 2.0 * v.eta * radius >= frame.cull_hi;
 }

@@ -87,13 +87,13 @@ struct Frame {
     // The start of the gate, if HAS_DELAYS.
     undelayed_lo: f32,
     // The radius within which a shade point gathers photons, over the length of the sensor subpath; with an orthographic camera, the
-    // radius itself (shared/photon.wgsl). 0 if the iteration has no photons.
+    // radius itself (shared/photon.wgsl).
     merge_radius: f32,
-    // Upper limit of this radius.
-    max_merge_radius: f32,
-    // Photons are sorted into cubic cells: cells per length, and the number of lists of photons less 1. Cells share lists.
-    photon_cells_per_length: f32,
+    // Photons are sorted into cubic cells. The number of lists of photons less 1, and the lowest and highest level of their cells. Without
+    // photons, the lowest level is above the highest one. Cells share lists.
     photon_list_mask: u32,
+    lowest_photon_level: i32,
+    highest_photon_level: i32,
     // Width of the gate; with several responses, on average per response.
     merge_slot: f32,
 }

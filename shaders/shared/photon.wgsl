@@ -23,7 +23,8 @@ struct Photon {
     flags: u32,
     // Unit geometric normal, on the side from which the light arrives. In a medium: its number in x.
     normal: vec3<f32>,
-    pad0: f32,
+    // See photon_level.
+    level: i32,
 }
 
 // Four texels per photon.
@@ -47,35 +48,59 @@ fn load_photon(index: u32) -> Photon {
     let way = bitcast<vec4<f32>>(textureLoad(photons, first + 1u, 0));
     let carried = textureLoad(photons, first + 2u, 0);
     let normal = bitcast<vec4<f32>>(textureLoad(photons, first + 3u, 0));
-    return Photon(place.xyz, place.w, way.xyz, way.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, 0.0);
+    return Photon(place.xyz, place.w, way.xyz, way.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, bitcast<i32>(normal.w));
 }
 
-// The cell of a point. The host computes the same (render/photons.rs).
-fn photon_cell(position: vec3<f32>) -> vec3<i32> {
-    return vec3<i32>(floor(position * frame.photon_cells_per_length));
+// The level of the cells that suit a radius: their side is 2^(level + 1), which is more than the radius and at most twice as long. Photons
+// far from the sensor are in larger cells, because points there gather over a larger radius.
+fn photon_level(radius: f32) -> i32 {
+    return max(i32(bitcast<u32>(radius) >> 23u) - 127, frame.lowest_photon_level);
+}
+
+// The cell of a point. The host computes the same (render/photons/map.rs).
+fn photon_cell(position: vec3<f32>, level: i32) -> vec3<i32> {
+    return vec3<i32>(floor(position * bitcast<f32>(u32(126 - level) << 23u)));
 }
 
 // The list that holds the photons of a cell, among those of other cells (Teschner et al. 2003).
-fn photon_list(cell: vec3<i32>) -> u32 {
+fn photon_list(cell: vec3<i32>, level: i32) -> u32 {
     let c = vec3<u32>(cell);
-    return ((c.x * 73856093u) ^ (c.y * 19349663u) ^ (c.z * 83492791u)) & frame.photon_list_mask;
+    return ((c.x * 73856093u) ^ (c.y * 19349663u) ^ (c.z * 83492791u) ^ (u32(level) * 2654435769u)) & frame.photon_list_mask;
 }
 
-// The radius within which the shade point q of a pixel gathers photons. It depends on the sensor subpath alone.
+// The radius over the length of the sensor subpath.
+fn radius_per_length(in_medium: bool) -> f32 {
+    return frame.merge_radius * select(1.0, MEDIUM_FACTOR, in_medium);
+}
+
+// The radius within which the shade point q of a pixel gathers photons. It depends on the sensor subpath alone. It is at most twice as
+// long as if the subpath went straight to q, and at most half of this way.
 fn merge_radius(q: PathVertex, pixel: vec2<u32>) -> f32 {
     var length = select(q.tau / SURROUNDING_GROUP_INDEX, 1.0, HAS_ORTHOGRAPHIC);
     if (HAS_AIMS) {
         // The travel time begins at minus this length.
         length += load_aim(pixel).w;
     }
-    let wanted = frame.merge_radius * length * select(1.0, MEDIUM_FACTOR, is_in_medium(q));
-    var radius = min(wanted, frame.max_merge_radius);
+    let rate = radius_per_length(is_in_medium(q));
+    var radius = rate * length;
+    if (!HAS_ORTHOGRAPHIC) {
+        radius = min(radius, min(2.0 * rate, 0.5) * distance(q.position, frame.sensor));
+    }
     if (frame.gate_hi < 3e38) {
         // Along a spherical wavefront of this age, the time of arrival bends by eta r^2 / (2 age).
         let age = max(frame.gate_hi - q.tau, 0.0);
         radius = min(radius, sqrt(2.0 * GATE_SHARE * frame.merge_slot * age / q.eta));
     }
     return radius;
+}
+
+// The first and the last level of the photons within `radius` of q. There are none if the last one is below the first one.
+fn photon_levels(q: PathVertex, radius: f32) -> vec2<i32> {
+    let way = distance(q.position, frame.sensor);
+    let nearest = select((way - radius) * (1.0 - 1e-5), 1.0, HAS_ORTHOGRAPHIC);
+    let farthest = select((way + radius) * (1.0 + 1e-5), 1.0, HAS_ORTHOGRAPHIC);
+    let rate = radius_per_length(is_in_medium(q));
+    return vec2<i32>(photon_level(rate * nearest), min(photon_level(rate * farthest), frame.highest_photon_level));
 }
 
 // The area of the surface, or the volume of the medium, over which photons within `radius` of q are spread.

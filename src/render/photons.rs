@@ -2,10 +2,9 @@
 
 mod aims;
 mod focus;
+mod map;
 
 use std::sync::Arc;
-
-use rayon::prelude::*;
 
 use super::Renderer;
 use super::device_scene::DeviceScene;
@@ -26,28 +25,13 @@ use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex, Photon};
 use aims::{Aims, PhotonSource, may_aim, smooth_triangles};
 pub use aims::{half_angle, lamps};
 use focus::{camera_rays, focus};
+pub use map::{NO_LEVELS, PhotonMap};
 
 /// Maximum number of photons in a batch, small enough for a short submit.
 const BATCH: usize = 1 << 16;
 /// Minimum and maximum number of photons in an iteration.
 const MIN_PHOTONS: u64 = 1 << 12;
 const MAX_PHOTONS: u64 = 1 << 20;
-/// The part of the photons whose distance from the sensor is at most the one that the size of cells is chosen for.
-const NEAR_SHARE: f64 = 0.9;
-/// Maximum radius in sides of a cell.
-const MAX_RADIUS: f32 = 2.0;
-
-/// The photons of an iteration in lists: a list holds the photons of some cells (`photon_list` in `shared/photon.wgsl`).
-#[derive(Default)]
-pub struct PhotonMap {
-    pub photons: Vec<Photon>,
-    /// Start of each list in `photons`, and the end of the last one.
-    pub lists: Vec<u32>,
-    pub cells_per_length: f32,
-    /// Upper limit of the radius within which a shade point gathers photons.
-    pub max_radius: f32,
-}
-
 /// Traces photons. `None` as a field of the renderer if nothing merges.
 pub struct PhotonTracer {
     geometry: Arc<Geometry>,
@@ -136,7 +120,7 @@ impl PhotonTracer {
             self.run_batch(plan, first, states, &mut photons, stats)?;
         }
         stats.light_paths += u64::from(count);
-        Ok(stats.timed(stage::BUILD_TREES, || PhotonMap::new(photons, plan, iteration)))
+        Ok(stats.timed(stage::BUILD_TREES, || PhotonMap::new(photons, plan, iteration.number)))
     }
 
     fn run_batch(
@@ -195,45 +179,8 @@ fn photon(v: &PathVertex) -> Option<Photon> {
         power: v.throughput,
         flags: v.flags & (VERTEX_DEPTH | VERTEX_IN_MEDIUM),
         normal: if v.flags & VERTEX_IN_MEDIUM != 0 { [v.material as f32, 0.0, 0.0] } else { v.geometric },
-        pad0: 0.0,
+        level: 0,
     })
-}
-
-impl PhotonMap {
-    /// Sorts photons into cells whose size suits the radii of most shade points.
-    fn new(photons: Vec<Photon>, plan: &Plan, iteration: &Iteration) -> PhotonMap {
-        if photons.is_empty() {
-            return PhotonMap::default();
-        }
-        let mut lengths: Vec<f32> = photons.iter().map(|photon| plan.distance_to_sensor(photon.position)).collect();
-        let near = ((lengths.len() - 1) as f64 * NEAR_SHARE) as usize;
-        let length = *lengths.select_nth_unstable_by(near, f32::total_cmp).1;
-        let radius = (plan.merge_radius(iteration.number) * length).max(f32::MIN_POSITIVE);
-        let cells_per_length = 0.5 / radius;
-        let lists = photons.len().next_power_of_two();
-        let list = |photon: &Photon| photon_list(photon.position, cells_per_length) & (lists as u32 - 1);
-        let keys: Vec<u32> = photons.par_iter().map(list).collect();
-        // Counting sort. The photons of a list stay in their order, so the sum at a shade point has the same bits everywhere.
-        let mut starts = vec![0u32; lists + 1];
-        keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
-        for k in 0..lists {
-            starts[k + 1] += starts[k];
-        }
-        let mut next = starts.clone();
-        let mut sorted = vec![bytemuck::Zeroable::zeroed(); photons.len()];
-        for (photon, key) in photons.into_iter().zip(keys) {
-            let place = &mut next[key as usize];
-            sorted[*place as usize] = photon;
-            *place += 1;
-        }
-        PhotonMap { photons: sorted, lists: starts, cells_per_length, max_radius: 2.0 * MAX_RADIUS * radius }
-    }
-}
-
-/// The hash of the photon's cell: see `photon_list` in `shared/photon.wgsl`.
-fn photon_list(position: [f32; 3], cells_per_length: f32) -> u32 {
-    let [x, y, z] = position.map(|x| (x * cells_per_length).floor() as i32 as u32);
-    x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791)
 }
 
 /// Whether the scene has smooth glass or mirrors.

@@ -14,7 +14,7 @@ use glam::Vec3;
 
 use super::emitters::EmitterSet;
 use super::material::Features;
-use super::photons;
+use super::photons::{self, NO_LEVELS};
 use super::pool_layout::PoolLayout;
 use super::prepared_scene::PreparedScene;
 use super::samples::{MAX_AIMED_SAMPLES, MAX_AVERAGE_SAMPLES};
@@ -290,9 +290,8 @@ impl Plan {
             tree4_root: if all { 0 } else { NONE },
             longest_path: self.max_depth,
             vertices: 0,
-            photon_cells_per_length: 0.0,
             photon_list_mask: 0,
-            max_merge_radius: 0.0,
+            photon_levels: NO_LEVELS,
         })
     }
 
@@ -305,10 +304,12 @@ impl Plan {
             first_sample,
             splat_sample_count: self.estimator.splat_sample_weight * self.traced_paths() as f32 / samples as f32,
             splat_share: self.light_paths as f32 / self.traced_paths() as f32,
+            merge_radius: self.merge_radius(number),
             ..self.frame
         };
         if let Some((pool, slots)) = pool {
-            self.set_photons(&mut frame, pool, number);
+            frame.photon_list_mask = pool.photon_list_mask;
+            [frame.lowest_photon_level, frame.highest_photon_level] = pool.photon_levels;
             frame.deterministic_count = pool.deterministic;
             frame.vertex_count = pool.vertices;
             frame.emitter_vertex_count = pool.emitter_vertices;
@@ -318,7 +319,6 @@ impl Plan {
         } else {
             // A sensor subpath begins at minus the omitted length, but a light subpath begins at 0.
             frame.cull_hi += self.omitted_time;
-            frame.max_merge_radius = self.largest_merge_radius(number);
         }
         frame
     }

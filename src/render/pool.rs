@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use rayon::prelude::*;
 
-use super::photons::PhotonMap;
+use super::photons::{NO_LEVELS, PhotonMap};
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
 use super::selection_cdf::set_selection_cdf;
@@ -77,9 +77,8 @@ pub struct SortedPool {
 impl SortedPool {
     /// Adds the photons of the iteration.
     pub fn set_photons(&mut self, photons: PhotonMap) {
-        self.layout.photon_cells_per_length = photons.cells_per_length;
         self.layout.photon_list_mask = (photons.lists.len() as u32).saturating_sub(2);
-        self.layout.max_merge_radius = photons.max_radius;
+        self.layout.photon_levels = photons.levels;
         self.photons = photons;
     }
 }
@@ -141,9 +140,8 @@ impl LightPool {
             tree4_root: NONE,
             longest_path: 0,
             vertices: 0,
-            photon_cells_per_length: 0.0,
             photon_list_mask: 0,
-            max_merge_radius: 0.0,
+            photon_levels: NO_LEVELS,
         }
     }
 

@@ -15,10 +15,9 @@ pub struct PoolLayout {
     pub longest_path: u32,
     /// Number of all light vertices; 0 if the pool is not ordered by trees.
     pub vertices: u32,
-    /// The cells of photons, as in `shared/frame.wgsl`; 0 if there are none.
-    pub photon_cells_per_length: f32,
+    /// The lists of photons and the levels of their cells, as in `shared/frame.wgsl`.
     pub photon_list_mask: u32,
-    pub max_merge_radius: f32,
+    pub photon_levels: [i32; 2],
 }
 
 impl PoolLayout {

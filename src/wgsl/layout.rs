@@ -58,7 +58,7 @@ host_twins! {
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
         hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
         vertex_count: u32, sensor_solid: u32, undelayed_lo: f32, merge_radius: f32,
-        max_merge_radius: f32, photon_cells_per_length: f32, photon_list_mask: u32, merge_slot: f32,
+        photon_list_mask: u32, lowest_photon_level: i32, highest_photon_level: i32, merge_slot: f32,
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -123,7 +123,7 @@ host_twins! {
     /// `shared/leaf.wgsl`
     LeafRecord { position: [f32; 3], tau: f32, power: f32, direction: u32, flags: u32, material: u32 }
     /// `shared/photon.wgsl`
-    Photon { position: [f32; 3], tau: f32, direction: [f32; 3], eta: f32, power: [f32; 3], flags: u32, normal: [f32; 3], pad0: f32 }
+    Photon { position: [f32; 3], tau: f32, direction: [f32; 3], eta: f32, power: [f32; 3], flags: u32, normal: [f32; 3], level: i32 }
     /// `shared/candidate.wgsl`
     Candidate { vertex: u32, weight: f32 }
     /// `shared/observed.wgsl`

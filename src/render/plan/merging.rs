@@ -4,7 +4,6 @@ use glam::Vec3;
 
 use super::{Observe, Plan};
 use crate::render::photons;
-use crate::render::pool_layout::PoolLayout;
 use crate::render::prepared_scene::PreparedScene;
 use crate::settings::Settings;
 use crate::wgsl::layout::Frame;
@@ -20,17 +19,13 @@ pub struct Merging {
     pixels: f64,
     /// Upper bound of the width at distance 1 that counts for pixels which look at points of their own: a share of the narrowest spot.
     narrow: f64,
-    /// Upper bound of the distance between the origin of render space and a surface.
-    farthest: f32,
 }
 
 impl Merging {
     pub fn new(settings: &Settings, prepared: &PreparedScene) -> Merging {
-        let bounds = prepared.geometry.bvh.host.total_aabb;
-        let farthest = bounds.min.abs().max(bounds.max.abs()).length();
         let spots = prepared.emitters.table.iter().filter(|entry| entry.kind == EMITTER_SPOT);
         let narrow = spots.map(photons::half_angle).fold(MAX_NARROW / SPOT_SHARE, f64::min) * SPOT_SHARE;
-        Merging { pixels: settings.merge_radius().get(), narrow, farthest }
+        Merging { pixels: settings.merge_radius().get(), narrow }
     }
 }
 
@@ -57,17 +52,10 @@ impl Plan {
         }
     }
 
-    /// Upper bound of the radius at surfaces and in media that the sensor sees over at most one turn.
-    pub(super) fn largest_merge_radius(&self, iteration: u32) -> f32 {
-        let sensor = Vec3::from(self.frame.sensor).length();
-        let farthest = self.merging.as_ref().map_or(0.0, |merging| 2.0 * (merging.farthest + sensor));
-        let factor = if self.has_media { MEDIUM_FACTOR } else { 1.0 };
-        factor * self.merge_radius(iteration) * if self.is_orthographic() { 1.0 } else { farthest }
-    }
-
-    /// The length that [`Plan::merge_radius`] multiplies for a sensor subpath that goes straight to `position`.
-    pub fn distance_to_sensor(&self, position: [f32; 3]) -> f32 {
-        if self.is_orthographic() { 1.0 } else { Vec3::from(position).distance(self.frame.sensor.into()) }
+    /// The radius at the end of a sensor subpath that goes straight to `position`.
+    pub fn straight_merge_radius(&self, iteration: u32, position: [f32; 3], in_medium: bool) -> f32 {
+        let length = if self.is_orthographic() { 1.0 } else { Vec3::from(position).distance(self.frame.sensor.into()) };
+        self.merge_radius(iteration) * if in_medium { MEDIUM_FACTOR } else { 1.0 } * length
     }
 
     /// Number of photons in an iteration of `samples` samples per pixel: one for each sample of the whole film.
@@ -78,15 +66,6 @@ impl Plan {
     /// Number of entries of each shade point for the light of photons that the host observes (`shared/observed.wgsl`).
     pub fn merged_entries(&self) -> u32 {
         if self.merging.is_some() && self.observe == Observe::Responses { TIME_SLOTS } else { 0 }
-    }
-
-    /// Sets the fields of the frame about the photons of `pool`.
-    pub(super) fn set_photons(&self, frame: &mut Frame, pool: &PoolLayout, iteration: u32) {
-        let has_photons = pool.photon_cells_per_length > 0.0;
-        frame.merge_radius = if has_photons { self.merge_radius(iteration) } else { 0.0 };
-        frame.max_merge_radius = pool.max_merge_radius;
-        frame.photon_cells_per_length = pool.photon_cells_per_length;
-        frame.photon_list_mask = pool.photon_list_mask;
     }
 
     /// The frame with the fields of the camera set.
