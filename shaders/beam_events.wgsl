@@ -53,11 +53,11 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let sensor = sensor_vertex();
-    let interval = gate_interval(start, segment, sensor);
+    let interval = gate_interval(start, segment, sensor, whole_gate());
     if (!(interval.x < interval.y)) {
         return;
     }
-    var event = draw_in_gate(start, segment, sensor, flight_uniforms(key).xy);
+    var event = draw_in_gate(start, segment, sensor, whole_gate(), flight_uniforms(key).xy);
     // Not a number if rounding has closed the interval.
     if (!(max_component(event.throughput) > 0.0)) {
         return;

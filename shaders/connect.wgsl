@@ -74,9 +74,14 @@ fn connected(at: PathVertex, rank: u32, slot: u32) -> vec4<f32> {
     }
     let key = random_key(STREAM_ALPHA, sensor.index, sensor.sample, CONNECTION_BIT | dispatch.bounce, slot % frame.slots, sensor.seed);
     // The first slots serve the segment before q (slots.wgsl).
-    if (DRAWS_IN_GATE && slot % frame.slots < frame.deterministic_count) {
+    var is_visible = false;
+    if (DRAWS_IN_GATE && slot % frame.slots < frame.deterministic_count * event_count()) {
         let start = segment_start(q, segments[q.owner]);
-        q = draw_in_gate(q, segments[q.owner], v, flight_uniforms(key).xy);
+        let number = slot % frame.slots % event_count();
+        let u = event_uniforms(q, number, sensor, flight_uniforms(key).xy);
+        q = draw_in_gate(q, segments[q.owner], v, event_gate(q, number, sensor), u);
+        // The subpath has come from a lamp at the start of its segment.
+        is_visible = !HAS_ALPHA && !HAS_SHEETS && !HAS_NULL_BOUNDARIES && all(v.position == start);
         if (HAS_SHEETS) {
             pass_sheets_before(&q, start, dispatch.bounce == 0u);
         }
@@ -98,7 +103,7 @@ fn connected(at: PathVertex, rank: u32, slot: u32) -> vec4<f32> {
     }
 
     // Visibility between the two points, both moved off their surfaces by the rounding offset.
-    let lit = is_unoccluded(ray_end(q, w), ray_end(v, -w), key);
+    let lit = is_visible || is_unoccluded(ray_end(q, w), ray_end(v, -w), key);
     var passed = traced_transmittance(q, w, sqrt(segment.length2));
     let delayed = tau + traced_delay();
     if (HAS_DELAYS) {

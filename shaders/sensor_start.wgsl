@@ -30,7 +30,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     s.direction = direction;
     s.eta = eta_around(frame.sensor_solid);
-    s.throughput = vec3<f32>(1.0);
+    s.throughput = vec3<f32>(select(1.0, lit_share(), has_narrow_laser()));
     if (SPLITS_AT_SHEETS) {
         // The mean over all samples of the pixel is the sum of the means over both kinds of samples.
         let count = samples_of_pixel(slot);

@@ -49,7 +49,8 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (SPLITS_AT_SHEETS && depth == 1u) {
         split = select(SPLIT_PASSES, SPLIT_STOPS, stops);
     }
-    var arrival = advance(&s, false, true, key, flight);
+    // Events on the way to the surface are drawn in the gate, and a LiDAR has no use for further ones.
+    var arrival = advance(&s, HAS_OWN_LASERS && DRAWS_IN_GATE, true, key, flight);
     if (stops) {
         // The other samples of the pixel carry the light of rays that end before a clear sheet, and of events on the way to it.
         if (split != SPLIT_NONE || is_in_medium(arrival.vertex)) {

@@ -27,13 +27,18 @@ struct SensorSegment {
     length: f32,
 }
 
-// Camera ray through the point `u` of a pixel, (0, 0) to (1, 1) from its upper left corner. `pixel`: column and row in the whole film,
+// Camera ray through the point `u` of a pixel, (0, 0) to (1, 1) from its upper left corner. Only rays in the cone of the pixel's laser if
+// `has_narrow_laser`; then `u` is uniform over the cone, with the weight `lit_share`. `pixel`: column and row in the whole film,
 // with row 0 at the top.
 fn camera_ray(pixel: vec2<u32>, u: vec2<f32>) -> CameraRay {
     if (HAS_AIMS) {
         // `pixel` and `u` are not added as below: the sum can round up to the next pixel, which has another direction.
         let axis = load_aim(pixel).xyz;
-        let offset = (2.0 * u - 1.0) * frame.extent;
+        var offset = (2.0 * u - 1.0) * frame.extent;
+        if (has_narrow_laser()) {
+            let turn = cosine_and_sine(2.0 * PI * u.y);
+            offset = LASER_RADIUS * sqrt(u.x) * turn;
+        }
         return CameraRay(frame.sensor, frame_around(axis) * vec3<f32>(offset, 1.0));
     }
     let q = vec2<f32>(pixel) + u - frame.principal_offset;
@@ -43,6 +48,16 @@ fn camera_ray(pixel: vec2<u32>, u: vec2<f32>) -> CameraRay {
         return CameraRay(frame.sensor + x * frame.right + y * frame.up, frame.forward);
     }
     return CameraRay(frame.sensor, frame.forward + x * frame.right + y * frame.up);
+}
+
+// Whether the cone of the laser of a pixel lies within the pixel (HAS_OWN_LASERS). The rest of the pixel is dark.
+fn has_narrow_laser() -> bool {
+    return HAS_OWN_LASERS && LASER_RADIUS > 0.0 && LASER_RADIUS <= (1.0 + 1e-5) * frame.extent.x;
+}
+
+// The part of the pixel's area that lies in the cone of its laser. Needs `has_narrow_laser`.
+fn lit_share() -> f32 {
+    return PI * square(LASER_RADIUS) / (4.0 * frame.extent.x * frame.extent.y);
 }
 
 // The entry of `aims` for a pixel of the whole film.

@@ -9,15 +9,16 @@
 #import guided_flight
 #import partial_sums
 #import segment
+#import event_strata
 
 // Where the segment before the shade point q starts.
 fn segment_start(q: PathVertex, segment: FogSegment) -> vec3<f32> {
     return q.position + segment.length * q.to_previous;
 }
 
-// Distances s along the segment before q at which an event may connect to v inside the gate. Empty (x >= y) if there are none. If q is
-// an event itself, the segment continues beyond q to the next surface.
-fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32> {
+// Distances s along the segment before q at which an event may connect to v with a travel time in `gate`. Empty (x >= y) if there are none.
+// If q is an event itself, the segment continues beyond q to the next surface.
+fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex, gate: vec2<f32>) -> vec2<f32> {
     let limit = min(segment.limit, MAX_LENGTH);
     let w = -q.to_previous;
     let x = segment_start(q, segment);
@@ -25,8 +26,8 @@ fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32>
     let straight = length(to_light);
     let along = dot(w, to_light);
     let elapsed = v.tau + (q.tau - q.eta * segment.length);
-    let lo = (frame.gate_lo - frame.rounding_allowance - elapsed) / q.eta;
-    let hi = (frame.gate_hi + frame.rounding_allowance - elapsed) / q.eta;
+    let lo = (gate.x - elapsed) / q.eta;
+    let hi = (gate.y - elapsed) / q.eta;
     surrounding_solid = segment.solid;
     let extent = media_extent(x, w);
     let first = max(select(0.0, distance_at(lo, straight, along), lo > straight), extent.x);
@@ -36,8 +37,8 @@ fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32>
 
 // Whether an event for the deterministic vertex v can be drawn on the segment before q. The `gate_interval` must not be empty, v must not
 // be a sun, and the path must not be too deep.
-fn can_draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex) -> bool {
-    let interval = gate_interval(q, segment, v);
+fn can_draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, gate: vec2<f32>) -> bool {
+    let interval = gate_interval(q, segment, v, gate);
     return interval.x < interval.y && is_drawn_in_gate(v) && (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u <= frame.max_depth;
 }
 
@@ -82,8 +83,8 @@ fn gate_density(g: GateDistribution, offset: f32) -> f32 {
 
 // Draws an event in the `gate_interval`. Its throughput is divided by the `gate_density` of its position. The throughput is 0 outside
 // of media.
-fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>) -> PathVertex {
-    let g = gate_distribution(q, segment, v, gate_interval(q, segment, v));
+fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, gate: vec2<f32>, u: vec2<f32>) -> PathVertex {
+    let g = gate_distribution(q, segment, v, gate_interval(q, segment, v, gate));
     let w = -q.to_previous;
     let x = segment_start(q, segment);
     var offset = 0.0;
@@ -139,7 +140,7 @@ fn pass_sheets_before(event: ptr<function, PathVertex>, start: vec3<f32>, is_fir
 // counts for the rest. The shares follow the power heuristic (Eq. 27, beta = 2). `segment`: the segment of the beam up to v. `sensor`:
 // see `sensor_vertex`.
 fn flight_share(v: PathVertex, segment: FogSegment, sensor: PathVertex) -> f32 {
-    let interval = gate_interval(v, segment, sensor);
+    let interval = gate_interval(v, segment, sensor, whole_gate());
     if (!(interval.x < interval.y && segment.length >= interval.x && segment.length <= interval.y)) {
         return 1.0;
     }

@@ -193,6 +193,8 @@ override HAS_AIMS: bool = false;
 // Whether each pixel also has a laser of its own, as the beams of a LiDAR have. The only light is a spot at the sensor, and its axis is
 // the direction of the pixel. Paths have at most two segments.
 override HAS_OWN_LASERS: bool = false;
+// With HAS_OWN_LASERS: tangent of half of the lasers' divergence.
+override LASER_RADIUS: f32 = 0.0;
 // Whether two responses lie so far apart that the travel times between them are left out (gate.wgsl).
 override HAS_HOLE: bool = false;
 // Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at

@@ -8,6 +8,7 @@ const STREAM_QUERY: u32 = 2u;
 const STREAM_ALPHA: u32 = 3u;
 const STREAM_STRATA: u32 = 4u;
 const STREAM_PHOTON: u32 = 5u;
+const STREAM_EVENT: u32 = 6u;
 
 // Hash function pcg4d: four hashed words from four words (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering").
 fn pcg4d(key: vec4<u32>) -> vec4<u32> {

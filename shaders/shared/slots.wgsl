@@ -76,14 +76,19 @@ fn draw_deterministic(u: u32) -> Candidate {
     return Candidate(lo, 4294967296.0 / f32(draws));
 }
 
-// Writes the deterministic vertices to the slots from `slot` on, for connections that are drawn in the gate (fog.wgsl). Returns the
-// number of slots used.
-fn query_segment(q: PathVertex, slot: u32) -> u32 {
+// Writes the deterministic vertices to the slots from `slot` on, each `event_count` times, for connections that are drawn in the gate
+// (fog.wgsl). Returns the number of slots used.
+fn query_segment(q: PathVertex, sensor: SensorSample, slot: u32) -> u32 {
     let segment = segments[q.owner];
+    let events = event_count();
     for (var i = 0u; i < frame.deterministic_count; i++) {
-        write_candidate(slot + i, select(NONE, i, can_draw_in_gate(q, segment, load_light_vertex(i))), 1.0);
+        let v = load_light_vertex(i);
+        for (var number = 0u; number < events; number++) {
+            let can_draw = can_draw_in_gate(q, segment, v, event_gate(q, number, sensor));
+            write_candidate(slot + i * events + number, select(NONE, i, can_draw), f32(event_cycle(q)));
+        }
     }
-    return frame.deterministic_count;
+    return frame.deterministic_count * events;
 }
 
 // Writes deterministic vertices to the slots from `slot` on. Returns the number of slots used.
@@ -126,7 +131,7 @@ fn begin_work_item(rank: u32) -> WorkItem {
     let first = rank * frame.slots;
     var used = 0u;
     if (DRAWS_IN_GATE) {
-        used = query_segment(q, first);
+        used = query_segment(q, sensor, first);
         if ((q.flags & VERTEX_SEGMENT_ONLY) != 0u) {
             return WorkItem(q, sensor.index, sensor.sample, depth, first, used, false);
         }

@@ -117,6 +117,8 @@ pub struct Plan {
     camera_kind: CameraKind,
     /// Whether each aimed ray has a laser of its own ([`PreparedScene::with_own_lasers`]).
     pub has_own_lasers: bool,
+    /// Tangent of half of the divergence of these lasers; else 0.
+    laser_radius: f64,
     has_media: bool,
     /// Share of the light subpaths that start from beams.
     pub beam_share: f64,
@@ -174,6 +176,7 @@ impl Plan {
         let choice = Choice::new(scene, settings, prepared, quirks)?;
         let estimator = choice.record(settings.responses());
         let has_own_lasers = prepared.has_own_lasers;
+        let laser = emitters.table.first().filter(|_| has_own_lasers);
         if has_own_lasers {
             check_own_lasers(scene, settings)?;
         }
@@ -214,6 +217,7 @@ impl Plan {
             has_sky: !emitters.sky.is_empty(),
             camera_kind: CameraKind::of(camera),
             has_own_lasers,
+            laser_radius: laser.map_or(0.0, |laser| photons::half_angle(laser).tan()),
             has_media: !prepared.media.list.is_empty(),
             beam_share: emitters.beam_share(),
             group_index: prepared.media.surrounding[1].into(),
@@ -269,7 +273,8 @@ impl Plan {
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
-        let drawn = if self.draws_in_gate() { deterministic } else { 0 };
+        let [strata, cycle] = self.event_strata();
+        let drawn = if self.draws_in_gate() { deterministic * strata.div_ceil(cycle) } else { 0 };
         let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries, self.time_groups()));
         (drawn + deterministic + u32::from(self.has_sky) + chosen).max(1)
     }

@@ -70,6 +70,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/scene",
     "shared/segment",
     "shared/shade_point",
+    "shared/event_strata",
     "shared/sheet",
     "shared/sky",
     "shared/slots",

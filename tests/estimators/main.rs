@@ -40,4 +40,5 @@ mod thin_glass;
 mod trees;
 mod turned_glass;
 mod water;
+mod waveforms;
 mod z_map;

@@ -8,7 +8,7 @@ use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::stage::{add, diffuse, light, material};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::scan_table::Scan;
-use taugate::internals::render::{PreparedScene, Renderer};
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer};
 use taugate::internals::scan::{Measurement, PreparedScan};
 use taugate::internals::scene::{Aim, Camera, LightKind, Medium, Projection, Scene};
 use taugate::internals::settings::gates::Gates;
@@ -235,7 +235,9 @@ fn beams_that_share_a_render_have_the_bits_of_single_beams() {
                 let mut scene = scene.clone();
                 (scene.lights[0], scene.cameras[0]) = (scan.light(number), scan.camera(number));
                 let settings = settings.change().seed(seed).build().unwrap();
-                let mut renderer = renderer(&scene, &settings);
+                let prepared = PreparedScene::new(&scene, &settings).unwrap().with_own_lasers(&[seed]);
+                let memory = MemoryPlan::new(&scene, &settings, &prepared, Some(device().info())).unwrap();
+                let mut renderer = Renderer::from_memory_plan(&device(), memory, &scene, &prepared).unwrap();
                 (0..4).for_each(|_| renderer.iterate(16).unwrap());
                 let all = renderer.responses().map_or(renderer.film().mean(), |film| film.means_of(0).collect());
                 all.chunks_exact(3).map(|rgb| rgb.iter().sum::<f32>() * (1.0 / 3.0)).collect::<Vec<f32>>()

@@ -5,6 +5,9 @@ use crate::estimators::{Ellipsoids, PoolOrder};
 use crate::scene::Scene;
 use crate::wgsl::layout::constants::{DETERMINISTIC_SLOTS, OBSERVE_RESPONSES, OBSERVE_STRATEGIES, OBSERVE_TIMES};
 
+/// Maximum number of events in fog that a sample draws for a histogram on its first segment.
+const MAX_EVENTS: u32 = 48;
+
 impl Plan {
     /// Values of the WGSL `override` constants of all kernels.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
@@ -21,6 +24,7 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("HAS_PARALLEL", switch(self.has_distant || self.camera_kind.is_orthographic)),
             ("HAS_OWN_LASERS", switch(self.has_own_lasers)),
+            ("LASER_RADIUS", self.laser_radius),
             ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
             ("MERGES", switch(self.merging.is_some())),
@@ -30,6 +34,8 @@ impl Plan {
             ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoids != Ellipsoids::None)),
             ("RESAMPLES_ELLIPSOIDS", switch(self.estimator.ellipsoids == Ellipsoids::Resampled)),
             ("GUIDES_FLIGHTS", switch(self.guides_flights())),
+            ("EVENT_STRATA", self.event_strata()[0].into()),
+            ("EVENT_CYCLE", self.event_strata()[1].into()),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(queried)),
@@ -67,6 +73,20 @@ impl Plan {
     /// Whether events in media are drawn inside the gate, for connections to deterministic vertices.
     pub fn draws_in_gate(&self) -> bool {
         self.uses_gate_in_media() && self.max_deterministic <= DETERMINISTIC_SLOTS
+    }
+
+    /// Whether the range of gates of equal width is divided for the events in media.
+    pub(super) fn has_strata(&self) -> bool {
+        self.observe == Observe::Responses && self.camera_kind.aims > 0 && self.draws_in_gate()
+    }
+
+    /// The values of EVENT_STRATA and EVENT_CYCLE (`shared/event_strata.wgsl`).
+    pub(super) fn event_strata(&self) -> [u32; 2] {
+        match self.responses.uniform() {
+            // Few scans have iterations of less than 16 samples, so most of them serve all strata.
+            Some(gates) if self.has_strata() => [gates.count(), gates.count().div_ceil(MAX_EVENTS).next_power_of_two()],
+            _ => [1, 1],
+        }
     }
 
     /// Whether events on the lines of beams are also drawn inside the gate, for connections to the sensor (t = 1). Not for
