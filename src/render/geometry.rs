@@ -6,7 +6,7 @@ use glam::{DAffine2, DMat3, DVec3};
 
 use super::albedo::AlbedoTable;
 use super::duplicates::{Dropped, ShadingAttributes, drop_copies};
-use super::material::{Features, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, Material, MaterialSet};
+use super::material::{Features, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, Material, MaterialSet, SmoothShares};
 use super::sheets;
 use super::solids::{ClosedGlass, Orientation};
 use super::space::RenderSpace;
@@ -30,6 +30,8 @@ pub struct Geometry {
     pub instances: Vec<InstanceNormals>,
     /// See [`MaterialSet::list`]; then double-sided copies of some of them, see [`Dropped::double_sided`].
     pub materials: Vec<Material>,
+    /// Of each of `materials`.
+    pub smooth: Vec<SmoothShares>,
     pub textures: Vec<TextureInfo>,
     /// Where the texels of the scene's images lie on the device. The texels are not copied before the upload.
     pub texels: TexelLayout,
@@ -72,6 +74,7 @@ impl Geometry {
             max_ior: materials.max_ior,
             max_delay: if materials.features.delays { sheets::max_delay(scene) / space.unit } else { 0.0 },
             materials: materials.list,
+            smooth: materials.smooth,
             instance_materials,
             first_corners,
             double_sided: HashMap::new(),
@@ -186,6 +189,11 @@ impl Geometry {
         }
     }
 
+    /// Whether points of the triangle have a lobe without width. Boundaries of media that do not bend light do not count.
+    pub fn is_smooth(&self, t: &Triangle) -> bool {
+        t.material & TRIANGLE_NULL == 0 && self.smooth[(t.material & TRIANGLE_MATERIAL) as usize].is_smooth()
+    }
+
     /// A distance beyond the scene, from any point of it.
     pub fn far(&self) -> f64 {
         let bounds = self.bvh.host.total_aabb;
@@ -198,6 +206,7 @@ impl Geometry {
         let copy = *self.double_sided.entry(number).or_insert_with(|| {
             let single = self.materials[number as usize];
             self.materials.push(Material { flags: single.flags | MATERIAL_DOUBLE_SIDED, ..single });
+            self.smooth.push(self.smooth[number as usize]);
             self.materials.len() as u32 - 1
         });
         material & !TRIANGLE_MATERIAL | copy

@@ -7,7 +7,7 @@ use super::geometry::Geometry;
 use super::solids::Solids;
 use super::solids::nested::Sharing;
 use super::space::RenderSpace;
-use crate::scene::{Instance, Scene};
+use crate::scene::{Instance, Material, Scene};
 use crate::wgsl::layout::Triangle;
 
 /// Maximum number of warnings of each kind.
@@ -88,16 +88,25 @@ pub fn warnings(
     kinds.into_iter().flat_map(limited).collect()
 }
 
-/// Instances of solid glass that are nearly smooth, if there are lamps without a surface.
+/// Instances of solid glass that are nearly smooth at most of their points, if there are lamps without a surface.
 fn nearly_smooth(scene: &Scene) -> impl Iterator<Item = u32> {
     let is_near = |&(_, instance): &(u32, &Instance)| {
         let mesh = &scene.meshes[instance.mesh as usize];
         let material = &scene.materials[mesh.material as usize];
         let bends = material.transmits() && !material.is_sheet(mesh);
-        bends && material.surface_texture.is_none() && NEARLY_SMOOTH.contains(&material.roughness)
+        bends && is_nearly_smooth(scene, material)
     };
     let all = if scene.lights.is_empty() { &[][..] } else { &scene.instances };
     (0..).zip(all).filter(is_near).map(|(number, _)| number)
+}
+
+/// Whether most points of the material, or most texels of its roughness, are nearly smooth.
+fn is_nearly_smooth(scene: &Scene, material: &Material) -> bool {
+    let is_near = |factor: f32| NEARLY_SMOOTH.contains(&(factor * material.roughness));
+    let Some(texture) = material.surface_texture else { return is_near(1.0) };
+    let texels = &scene.images[scene.textures[texture as usize].image as usize].rgba;
+    let is_near: [bool; 256] = std::array::from_fn(|byte| is_near(byte as f32 / 255.0));
+    2 * texels.iter().filter(|texel| is_near[usize::from(texel[1])]).count() > texels.len()
 }
 
 /// The first of some sentences; a last one counts the others.
@@ -132,13 +141,12 @@ mod tests {
     use crate::generate::shapes::{append, cuboid, icosphere, inside_out, quad};
     use crate::generate::stage::{add, camera, diffuse, glass, material};
     use crate::render::PreparedScene;
-    use crate::scene::{AlphaMode, LightKind, Material, Mesh, Scene};
+    use crate::scene::{AlphaMode, Image, LightKind, Material, Mesh, Scene};
     use crate::settings::Settings;
     use crate::settings::units::Gate;
 
-    /// The warnings about pieces of glass over a floor of 20 m, through a gate or without one.
-    fn warnings_of(pieces: Vec<(&str, Mesh, Material)>, gate: Gate) -> Vec<String> {
-        let mut scene = Scene::default();
+    /// The warnings about pieces of glass over a floor of 20 m in `scene`, through a gate or without one.
+    fn warnings_of(mut scene: Scene, pieces: Vec<(&str, Mesh, Material)>, gate: Gate) -> Vec<String> {
         for (name, shape, kind) in pieces {
             let kind = material(&mut scene, kind);
             add(&mut scene, name, kind, shape);
@@ -153,7 +161,12 @@ mod tests {
 
     /// The warnings must be one with all `parts`, or none if there are no parts.
     fn expect(pieces: Vec<(&str, Mesh, Material)>, parts: &[&str]) {
-        let found = warnings_of(pieces, Gate::OPEN);
+        expect_in(Scene::default(), pieces, parts);
+    }
+
+    /// As [`expect`], in a scene that contains textures.
+    fn expect_in(scene: Scene, pieces: Vec<(&str, Mesh, Material)>, parts: &[&str]) {
+        let found = warnings_of(scene, pieces, Gate::OPEN);
         assert_eq!(found.len(), usize::from(!parts.is_empty()), "{parts:?}: {found:?}");
         assert!(parts.iter().all(|part| found[0].contains(part)), "{parts:?}: {found:?}");
     }
@@ -172,6 +185,15 @@ mod tests {
         expect(of(0.08), &["'pane' is nearly smooth"]);
         expect(of(0.0), &[]);
         expect(of(0.2), &[]);
+        // A texture of the roughness: most texels count.
+        for (bytes, parts) in [([20, 20, 0], &["'pane' is nearly smooth"][..]), ([0, 20, 255], &[])] {
+            let mut scene = Scene::default();
+            let rgba = bytes.map(|byte| [255, byte, 0, 255]).to_vec();
+            let texture = scene.add_texture(Image { width: 3, height: 1, rgba });
+            let kind = Material { roughness: 1.0, surface_texture: Some(texture), ..glass("glass") };
+            let pane = ("pane", cuboid(DVec3::ZERO, DVec3::ONE), kind);
+            expect_in(scene, vec![pane], parts);
+        }
     }
 
     #[test]
@@ -218,8 +240,8 @@ mod tests {
     fn alpha_of_solids_is_named_where_times_count() {
         let half = || Material { alpha_mode: AlphaMode::Blend, base_color: [1.0, 1.0, 1.0, 0.5], ..glass("half") };
         let piece = || vec![("ball", icosphere(1.0, 1), half())];
-        let found = warnings_of(piece(), Gate { lo: 5.0, hi: 8.0 });
+        let found = warnings_of(Scene::default(), piece(), Gate { lo: 5.0, hi: 8.0 });
         assert!(found.len() == 1 && found[0].contains("'ball' has an alpha below 1"), "{found:?}");
-        assert_eq!(warnings_of(piece(), Gate::OPEN), Vec::<String>::new());
+        assert_eq!(warnings_of(Scene::default(), piece(), Gate::OPEN), Vec::<String>::new());
     }
 }

@@ -1,5 +1,7 @@
 //! Materials on the device: the record that the kernels read, and the conversion from a material of the scene.
 
+mod smooth;
+
 use std::collections::HashMap;
 
 use glam::DAffine2;
@@ -11,6 +13,7 @@ use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_MIRRORED, TRIANGLE_NULL, TRIANGLE_SHEET};
 use crate::wgsl::layout::{NONE, host_twins, shared_constants};
+pub use smooth::SmoothShares;
 
 host_twins! {
     /// Twin of the struct in `shared/material.wgsl`, which documents the fields.
@@ -131,6 +134,8 @@ pub struct MaterialSet<'a> {
     interiors: Vec<Option<u32>>,
     /// One device material per [`Use`] of a material.
     pub list: Vec<Material>,
+    /// Of each material of `list`.
+    pub smooth: Vec<SmoothShares>,
     numbers: HashMap<Use, u32>,
     /// Whether each mesh is thin glass, once this is known.
     sheets: HashMap<u32, bool>,
@@ -153,6 +158,7 @@ impl<'a> MaterialSet<'a> {
             albedo,
             interiors: interior_indices(scene),
             list: vec![],
+            smooth: vec![],
             numbers: HashMap::new(),
             sheets: HashMap::new(),
             unit,
@@ -183,6 +189,8 @@ impl<'a> MaterialSet<'a> {
                 let converted = self.convert(source, &key);
                 let interior = self.interiors[material as usize].filter(|_| !is_sheet).unwrap_or(NONE);
                 self.list.push(Material { interior, ..converted });
+                let varies = converted.flags & MATERIAL_VARIES != 0;
+                self.smooth.push(SmoothShares::new(self.scene, source, &converted, is_sheet, varies));
                 self.numbers.insert(key, n);
                 n
             }

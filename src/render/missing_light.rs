@@ -25,7 +25,6 @@ use crate::settings::{Merge, Settings, Strategies};
 use found::{Contribution, Found, Pixel};
 use lamps::{Lamp, lamps};
 pub use message::MissingLight;
-pub use surfaces::is_smooth;
 use surfaces::nearest;
 pub use targets::ON_SQUARE;
 use targets::{Target, targets};

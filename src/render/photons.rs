@@ -1,8 +1,10 @@
 //! Photons: light of paths that no strategy forms, which sensor subpaths gather (`shaders/shared/photon.wgsl`).
 
 mod aims;
+mod clusters;
 mod focus;
 mod map;
+mod source;
 
 use std::sync::Arc;
 
@@ -22,10 +24,12 @@ use crate::scene::{Camera, Scene};
 use crate::settings::{Merge, Settings, Strategies};
 use crate::wgsl::layout::constants::{PATH_ALIVE, VERTEX_DEPTH, VERTEX_IN_MEDIUM, VERTEX_VALID};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex, Photon};
-use aims::{Aims, PhotonSource, may_aim, smooth_triangles};
-pub use aims::{half_angle, lamps};
+pub use aims::lamps;
+use aims::{Aims, may_aim, smooth_triangles};
 use focus::{camera_rays, focus};
 pub use map::{NO_LEVELS, PhotonMap};
+use source::PhotonSource;
+pub use source::half_angle;
 
 /// Maximum number of photons in a batch, small enough for a short submit.
 const BATCH: usize = 1 << 16;
@@ -107,8 +111,10 @@ impl PhotonTracer {
         let aims = self.aims.get_or_insert_with(|| {
             let world = World { geometry: &self.geometry, media: &self.media };
             let rays = camera_rays(plan, &self.sensor_aims);
-            let all = || Aims::new(&self.geometry, &self.source, plan.traces_light);
-            stats.timed(stage::AIM_PHOTONS, || focus(all(), &self.source, plan, &world, &rays))
+            stats.timed(stage::AIM_PHOTONS, || {
+                let all = Aims::new(&self.geometry, &mut self.source, plan.traces_light);
+                focus(all, &self.source, plan, &world, &rays)
+            })
         });
         if aims.is_empty() {
             return Ok(PhotonMap::default());

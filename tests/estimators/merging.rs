@@ -1,12 +1,16 @@
 //! Light that passes smooth glass or mirrors both before and after it is scattered: photons and merging. Closed forms.
 
+mod media;
+mod mirrors;
+mod orders;
+
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
 use taugate::internals::generate::shapes::{cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material, metal};
+use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material};
 use taugate::internals::render::Tuning;
-use taugate::internals::scene::{Aim, LightKind, Material, Medium, Projection, Scene};
+use taugate::internals::scene::{Aim, LightKind, Material, Projection, Scene};
 use taugate::internals::settings::frequencies::Frequencies;
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
@@ -59,11 +63,16 @@ fn slab() -> Scene {
 
 /// Mean of the closed form over the pixels of the view, times the weight of its travel time.
 fn truth(weight: impl Fn(f64) -> f64) -> f64 {
+    mean_over_view(behind_slab, weight)
+}
+
+/// As [`truth`], of a function from the angle to radiance and travel time.
+fn mean_over_view(of: impl Fn(f64) -> (f64, f64), weight: impl Fn(f64) -> f64) -> f64 {
     let steps = 8 * SIDE;
     let at = |k: u32| HALF_VIEW.tan() * (2.0 * (f64::from(k) + 0.5) / f64::from(steps) - 1.0);
     let mut sum = 0.0;
     for (row, column) in (0..steps).flat_map(|row| (0..steps).map(move |column| (row, column))) {
-        let (radiance, tau) = behind_slab(at(row).hypot(at(column)).atan());
+        let (radiance, tau) = of(at(row).hypot(at(column)).atan());
         sum += radiance * weight(tau);
     }
     sum / f64::from(steps * steps)
@@ -110,7 +119,7 @@ const RATE: f64 = 10.7;
 /// The bins of a histogram divide the time in which light comes through the slab. A continuous-wave sensor sees it at any time.
 #[test]
 fn several_responses_divide_the_light_behind_a_slab() {
-    let bins = Responses::from(Gates::new(Gate { lo: 8.048, hi: 8.072 }, 8).unwrap());
+    let bins = Responses::from(Gates::new(Gate { lo: 8.05, hi: 8.065 }, 5).unwrap());
     let waves = Responses::from(Frequencies::new(vec![50.0]).unwrap());
     let scene = slab();
     for responses in [bins, waves] {
@@ -133,9 +142,9 @@ fn several_responses_divide_the_light_behind_a_slab() {
             let error = variance.sqrt();
             eprintln!("{found:.6} +- {error:.1e}, expected {truth:.6}");
             let off = |truth: f64| ((found - truth).abs() - 5e-3 * truth.abs() - EARLY * RATE).max(0.0);
-            let limit = threshold(14) * error.max(1e-9);
+            let limit = threshold(11) * error.max(1e-9);
             assert!(off(truth) < limit, "{found} +- {error}, not {truth}");
-            assert!(truth < 0.01 || off(1.1 * truth) > limit, "{found} +- {error} could be {}", 1.1 * truth);
+            assert!(off(1.1 * truth) > limit, "{found} +- {error} could be {}", 1.1 * truth);
         }
     }
 }
@@ -172,35 +181,6 @@ fn a_lidar_sees_a_wall_through_its_cover() {
     }
 }
 
-/// Thin fog behind the slab: light of one event in it, in a gate, integrated over the depths of the events that the axis sees.
-#[test]
-fn fog_behind_a_slab_is_seen_through_it() {
-    let (scattering, near, far) = (0.05f64, -1.5, -3.5);
-    let mut scene = slab();
-    // No light passes beside the slab.
-    let lamp = LightKind::Spot { intensity: [INTENSITY as f32; 3], inner: 0.11, outer: 0.12 };
-    scene.lights[0].kind = lamp;
-    let bounds = Some([DVec3::new(-8.0, -8.0, -3.9), DVec3::new(8.0, 8.0, near)]);
-    scene.media = vec![Medium { sigma_s: [scattering; 3], bounds, ..Medium::default() }];
-    let time = |z: f64| 2.0 * (-z - THICKNESS + INDEX * THICKNESS);
-    let gate = Gate { lo: time(-2.5), hi: time(far) };
-    let passed = (1.0 - face(1e-6)).powi(2);
-    let steps = 1000;
-    let of_step = |k: u32| {
-        let z = 2.5 + (f64::from(k) + 0.5) / f64::from(steps);
-        let irradiance = INTENSITY * passed / (z - THICKNESS + THICKNESS / INDEX).powi(2);
-        scattering / (4.0 * PI) * irradiance * passed * (-2.0 * scattering * (z + near)).exp()
-    };
-    let truth = (0..steps).map(of_step).sum::<f64>() / f64::from(steps);
-    for estimator in [Estimator::Bdpt, Estimator::Lcs] {
-        let s = settings(estimator, [SIDE, SIDE]).light_paths(200).max_depth(6).build().unwrap();
-        let (found, error) = Cells::measure(&mut renderer(&scene, &s), gate, 4, 4, 16, 500).whole();
-        eprintln!("{estimator}: {found:.4e} +- {error:.1e}, expected {truth:.4e}");
-        let off = |truth: f64| ((found - truth).abs() - 1e-2 * truth).max(0.0) / error.max(1e-9);
-        assert!(off(truth) < threshold(2) && off(0.9 * truth) > threshold(2), "{found} +- {error}, not {truth}");
-    }
-}
-
 /// Lamp and camera are 2 m above water of 1 m. The bed is below the surface of a closed block of water.
 #[test]
 fn the_bed_of_a_pool_is_seen_from_above() {
@@ -220,32 +200,6 @@ fn the_bed_of_a_pool_is_seen_from_above() {
     let truth = ALBEDO / PI * irradiance * (1.0 - reflected) / (index * index);
     let tau = 2.0 * (height + f64::from(group_index) * depth);
     finds("pool", &scene, Estimator::Bdpt, Gate { lo: tau - 0.005, hi: tau + 0.005 }, truth);
-}
-
-/// Lamp and camera see a wall in a mirror at 45 degrees: the unfolded way has a length of 1 m and 2 m. `lamp`: its kind and the radiance
-/// of the wall where the camera looks, without the mirror's reflectance.
-fn in_a_mirror(lamp: LightKind, bare: f64, view: f64) {
-    let mut scene = Scene::default();
-    let grey = material(&mut scene, diffuse("wall", [ALBEDO as f32; 3]));
-    add(&mut scene, "wall", grey, quad(DVec3::new(2.0, -4.0, -5.0), 8.0 * DVec3::Z, 8.0 * DVec3::Y, [1.0; 2]));
-    let mirror = material(&mut scene, metal("mirror", [0.9; 3], 0.0));
-    let along = DVec3::new(1.0, 0.0, -1.0).normalize();
-    let centre = DVec3::new(0.0, 0.0, -1.0);
-    let mirror_at = centre - 0.5 * along - 0.5 * DVec3::Y;
-    add(&mut scene, "mirror", mirror, quad(mirror_at, along, DVec3::Y, [1.0; 2]));
-    light(&mut scene, "lamp", DVec3::ZERO, DVec3::NEG_Z, lamp);
-    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, view, [SIDE, SIDE]);
-    finds("mirror", &scene, Estimator::Lcs, Gate { lo: 5.99, hi: 6.01 }, 0.81 * bare);
-}
-
-#[test]
-fn a_wall_is_seen_in_the_mirror_that_lights_it() {
-    in_a_mirror(LightKind::Point { intensity: [INTENSITY as f32; 3] }, ALBEDO / PI * INTENSITY / 9.0, 1e-3);
-    let spot = LightKind::Spot { intensity: [INTENSITY as f32; 3], inner: 0.1, outer: 0.2 };
-    in_a_mirror(spot, ALBEDO / PI * INTENSITY / 9.0, 1e-3);
-    // A beam with the spot of a radius of 0.1 m, in a view that sees nothing else.
-    let area = PI * 0.1 * 0.1;
-    in_a_mirror(LightKind::Beam { power: [INTENSITY as f32; 3], radius: 0.1 }, ALBEDO / PI * INTENSITY / area, 0.02);
 }
 
 /// Tiles and workgroups of any size, with one response and with several.

@@ -5,7 +5,7 @@ use obvhs::ray::{Ray as BoxRay, RayHit};
 
 use crate::render::emitters::luminance;
 use crate::render::geometry::Geometry;
-use crate::render::material::{DELTA_ALPHA, MATERIAL_DOUBLE_SIDED, MATERIAL_THIN, Material};
+use crate::render::material::MATERIAL_DOUBLE_SIDED;
 use crate::wgsl::layout::Triangle;
 use crate::wgsl::layout::constants::*;
 
@@ -24,7 +24,8 @@ pub struct Hit {
     pub is_front: bool,
 }
 
-/// Shares of the light that the lobes of a material scatter towards the viewer. Textures count as white.
+/// Shares of the light that the lobes of a material scatter towards the viewer. Textures count as white, but a texture of the roughness
+/// divides the light by the share of its texels that are smooth.
 pub struct Lobes {
     /// Diffuse and rough lobes.
     pub rough: f64,
@@ -33,16 +34,6 @@ pub struct Lobes {
     pub refracted: f64,
     /// Index of refraction on the viewer's side, over the index behind the surface.
     pub eta: f64,
-}
-
-/// Whether the material has a lobe without width. Roughness textures count as rough. Thin glass does not count: light passes straight
-/// on, and its reflections twice on a path are dim.
-pub fn is_smooth(m: &Material) -> bool {
-    if m.flags & MATERIAL_THIN != 0 {
-        return false;
-    }
-    let base = m.alpha < DELTA_ALPHA && (m.metallic > 0.0 || m.transmission > 0.0 || m.f90 > 0.0);
-    base || (m.clearcoat > 0.0 && m.clearcoat_alpha < DELTA_ALPHA)
 }
 
 /// The nearest surface that the ray hits before `end`; `leaves` is the triangle that it leaves. Surfaces with an alpha below one half,
@@ -74,7 +65,8 @@ pub fn nearest(geometry: &Geometry, origin: DVec3, direction: DVec3, end: f64, l
 
 /// The lobes at `hit`, which is seen along the unit vector `direction`.
 pub fn lobes(geometry: &Geometry, hit: &Hit, direction: DVec3) -> Lobes {
-    let m = &geometry.materials[(geometry.triangles[hit.triangle].material & TRIANGLE_MATERIAL) as usize];
+    let number = (geometry.triangles[hit.triangle].material & TRIANGLE_MATERIAL) as usize;
+    let (m, smooth) = (&geometry.materials[number], &geometry.smooth[number]);
     let is_black = !hit.is_front && m.flags & MATERIAL_DOUBLE_SIDED == 0 && m.transmission <= 0.0;
     let eta = if hit.is_front { 1.0 / f64::from(m.ior) } else { f64::from(m.ior) };
     if is_black {
@@ -92,18 +84,15 @@ pub fn lobes(geometry: &Geometry, hit: &Hit, direction: DVec3) -> Lobes {
     let through = (1.0 - metallic) * transmission * (1.0 - glass) * base;
     let diffuse = (1.0 - metallic) * (1.0 - transmission) * (1.0 - coat) * base;
     let under = f64::from(m.clearcoat) * schlick(CLEARCOAT_F0, 1.0);
-    let mut lobes = match m.alpha < DELTA_ALPHA {
-        true => Lobes { rough: diffuse, mirrored: reflected, refracted: through, eta },
-        false => Lobes { rough: diffuse + reflected + through, mirrored: 0.0, refracted: 0.0, eta },
-    };
-    lobes.rough *= 1.0 - under;
-    lobes.mirrored *= 1.0 - under;
-    lobes.refracted *= 1.0 - under;
-    match m.clearcoat_alpha < DELTA_ALPHA {
-        true => lobes.mirrored += under,
-        false => lobes.rough += under,
+    let (sharp, blurred) = (smooth.base, 1.0 - smooth.base);
+    let rough = diffuse + blurred * reflected + blurred * through;
+    let below = 1.0 - under;
+    Lobes {
+        rough: rough * below + (1.0 - smooth.clearcoat) * under,
+        mirrored: sharp * reflected * below + smooth.clearcoat * under,
+        refracted: sharp * through * below,
+        eta,
     }
-    lobes
 }
 
 /// The direction behind the surface of a ray along `direction`, by Snell's law; `None` for total reflection.

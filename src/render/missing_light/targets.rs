@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
 
-use super::surfaces::is_smooth;
 use crate::render::geometry::Geometry;
-use crate::wgsl::layout::constants::{TRIANGLE_MATERIAL, TRIANGLE_NULL};
 
 /// The fractional part of the golden ratio. Its multiples are evenly spread on a line.
 pub const GOLDEN: f64 = 0.618_033_988_749_895;
@@ -31,12 +29,8 @@ pub struct Place {
 
 /// All smooth objects.
 pub fn targets(geometry: &Geometry) -> Vec<Target> {
-    let smooth: Vec<bool> = geometry.materials.iter().map(is_smooth).collect();
     let mut targets: BTreeMap<u32, Target> = BTreeMap::new();
-    for (number, t) in geometry.triangles.iter().enumerate() {
-        if t.material & TRIANGLE_NULL != 0 || !smooth[(t.material & TRIANGLE_MATERIAL) as usize] {
-            continue;
-        }
+    for (number, t) in geometry.triangles.iter().enumerate().filter(|(_, t)| geometry.is_smooth(t)) {
         let empty = || Target { triangles: vec![], lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
         let target = targets.entry(t.instance).or_insert_with(empty);
         let [a, b, c] = [t.v0, t.v1, t.v2].map(Vec3::from);

@@ -5,7 +5,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::aims::{Aims, PhotonSource, Piece};
+use super::aims::{Aims, MAX_PIECES, Piece};
+use super::source::PhotonSource;
 use crate::render::missing_light::walk::{Event, Ray, World};
 use crate::render::plan::Plan;
 use crate::wgsl::layout::Frame;
@@ -18,9 +19,8 @@ const PILOTS: u32 = 4;
 const REACH: f64 = 1.0;
 /// A piece is divided while its size is more than this many distances between camera rays.
 const COARSE: f64 = 1.5;
-/// Maximum number of rounds, each of which halves the size of useful pieces, and maximum number of pieces.
+/// Maximum number of rounds, each of which halves the size of useful pieces.
 const MAX_ROUNDS: u32 = 12;
-const MAX_PIECES: usize = 50_000;
 /// The least share of the photons that start from all other pieces, because the search may miss light.
 const OTHERS: f64 = 0.1;
 
@@ -35,11 +35,11 @@ struct Seen {
     spacing: f64,
 }
 
-/// Divides the useful pieces, and gives them most of the photons. `rays`: see [`camera_rays`]. Changes nothing
-/// if there are too many pieces, or if none is useful.
+/// Divides the useful pieces, and gives them most of the photons. `rays`: see [`camera_rays`]. Changes nothing if no piece is useful.
+/// Stops where there would be too many pieces.
 pub fn focus(aims: Aims, source: &PhotonSource, plan: &Plan, world: &World, rays: &[(Ray, f64)]) -> Aims {
     let seen = seen(world, plan, rays);
-    if seen.is_empty() || aims.pieces.len() > MAX_PIECES {
+    if seen.is_empty() {
         return aims;
     }
     let all = || aims.pieces.iter().zip(aims.piece_weights()).map(|(piece, weight)| (*piece, weight));
@@ -47,18 +47,20 @@ pub fn focus(aims: Aims, source: &PhotonSource, plan: &Plan, world: &World, rays
     for round in 0..=MAX_ROUNDS {
         // For each open piece, the largest size at which it need not be divided; `None` if it is not useful.
         let found: Vec<Option<f64>> = open.par_iter().map(|(piece, _)| nearest(world, source, piece, &seen)).collect();
-        let mut next = vec![];
+        let mut coarse = vec![];
         for ((piece, weight), found) in open.drain(..).zip(found) {
             match found {
                 None => others.push((piece, weight)),
                 Some(size) if source.size(&piece) <= size || round == MAX_ROUNDS => useful.push((piece, weight)),
-                Some(_) => next.extend(source.quarters(&piece)),
+                Some(_) => coarse.push((piece, weight)),
             }
         }
-        if useful.len() + others.len() + next.len() > MAX_PIECES {
-            return aims;
+        let quarters: Vec<_> = coarse.iter().flat_map(|(piece, _)| source.quarters(piece)).collect();
+        if useful.len() + others.len() + quarters.len() > MAX_PIECES {
+            useful.append(&mut coarse);
+            break;
         }
-        open = next;
+        open = quarters;
         if open.is_empty() {
             break;
         }
