@@ -56,7 +56,15 @@ impl Image {
     fn provenance(&self) -> Provenance {
         let About { resolution, crop: [x0, x1, y0, y1], seed, seconds, settings, .. } = self.sums.about.clone();
         let crop = Crop { x0, y0, x1, y1 };
-        Provenance { resolution, crop, responses: self.responses.clone(), seed, seconds, settings, merged: None }
+        Provenance {
+            resolution,
+            crop,
+            responses: self.responses.clone(),
+            seed,
+            seconds,
+            settings,
+            merged: self.sums.merged(),
+        }
     }
 
     fn shape(&self) -> [usize; 3] {

@@ -54,7 +54,9 @@ fn responses_for_reading(path: &Path, about: &About) -> Result<Responses> {
 
 /// The image of a single response.
 pub fn picture(path: &Path) -> Result<Picture> {
-    let Accumulation { about, film, responses: many, .. } = read(path)?;
+    let sums = read(path)?;
+    let merged = sums.merged();
+    let Accumulation { about, film, responses: many, .. } = sums;
     if many.is_some() {
         let message =
             "has the sums of several gates, but only an image of a single gate can be compared; give other sums".into();
@@ -71,7 +73,7 @@ pub fn picture(path: &Path) -> Result<Picture> {
         seed: Some(about.seed.to_string()),
         renderer: Some(about.renderer),
         seconds: Some(about.seconds),
-        merged: None,
+        merged,
         gate: Some([gate.lo, gate.hi]),
         corner: [about.crop[0] as i32, about.crop[2] as i32],
     })

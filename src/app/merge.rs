@@ -43,7 +43,7 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
     if let Some(aov) = files.aov {
         keep_layers(&mut sums.layers, aov)?;
     }
-    let provenance = provenance(&sums.about, responses);
+    let provenance = provenance(&sums, responses);
     if (outputs.exr.is_some() || outputs.variance) && sums.responses.as_ref().is_some_and(|film| !film.has_variance()) {
         return Err(Error::settings(format!(
             "{} has no variances of its gates; render with --variance, or write an array without --variance",
@@ -157,7 +157,8 @@ fn check_outputs(outputs: &Outputs, parts: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-fn provenance(about: &About, responses: Responses) -> Provenance {
+fn provenance(sums: &Accumulation, responses: Responses) -> Provenance {
+    let about = &sums.about;
     let [x0, x1, y0, y1] = about.crop;
     Provenance {
         resolution: about.resolution,
@@ -166,7 +167,7 @@ fn provenance(about: &About, responses: Responses) -> Provenance {
         seed: about.seed,
         seconds: about.seconds,
         settings: about.settings.clone(),
-        merged: None,
+        merged: sums.merged(),
     }
 }
 

@@ -15,10 +15,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::image::exr_file::version;
+use crate::image::exr_file::{Merged, version};
 use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::Layers;
+use crate::image::luminance;
 use crate::image::response_film::ResponseFilm;
 use crate::settings::shard::Shard;
 use crate::settings::table::find;
@@ -40,6 +41,13 @@ pub struct Accumulation {
     pub adaptive: Option<AdaptiveState>,
     /// Auxiliary layers of the image. They do not depend on the number of samples.
     pub layers: Layers,
+}
+
+impl Accumulation {
+    /// The light that merging found; `None` if the render did not merge, or if an earlier version wrote the sums.
+    pub fn merged(&self) -> Option<Merged> {
+        self.about.merged.map(|merged| merged.of(&self.film))
+    }
 }
 
 /// What adaptive sampling has measured so far.
@@ -89,8 +97,48 @@ pub struct About {
     pub next_sample: u32,
     /// The shards that were merged, or the one that was rendered.
     pub shards: Vec<Shard>,
+    /// `None` if the render does not merge. Files of earlier versions do not have it.
+    #[serde(default)]
+    pub merged: Option<MergedLight>,
     /// Order of the axes of `sums` and `squares`, for readers of the file.
     pub axes: String,
+}
+
+/// Light that merging found.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct MergedLight {
+    /// Luminance: the sum over the iterations of the mean over the pixels.
+    light: f64,
+    iterations: u32,
+    /// Radius in pixels of the last iteration.
+    radius: f64,
+}
+
+impl MergedLight {
+    /// Adds an iteration that found `light`, the mean luminance of the pixels, within `radius` pixels.
+    pub fn add(&mut self, light: f64, radius: f64) {
+        *self = self.plus(MergedLight { light, iterations: 1, radius });
+    }
+
+    fn plus(self, other: MergedLight) -> MergedLight {
+        let radius = match self.iterations {
+            0 => other.radius,
+            _ => self.radius.min(other.radius),
+        };
+        MergedLight {
+            light: self.light + other.light,
+            iterations: self.iterations.saturating_add(other.iterations),
+            radius,
+        }
+    }
+
+    /// As a share of the luminance of the film.
+    pub fn of(&self, film: &Film) -> Merged {
+        let pixels = film.mean();
+        let all = pixels.chunks_exact(3).map(|rgb| luminance([rgb[0], rgb[1], rgb[2]])).sum::<f64>();
+        let share = self.light / f64::from(self.iterations.max(1)) / (3.0 * all / pixels.len() as f64);
+        Merged { share: if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }, radius: self.radius }
+    }
 }
 
 const AXES: &str = "height, width, response, channel";
@@ -118,6 +166,7 @@ impl About {
             iterations: Iterations::default(),
             next_sample: 0,
             shards: vec![shard],
+            merged: None,
             axes: AXES.into(),
         }
     }
@@ -220,6 +269,9 @@ impl Accumulation {
         about.shards.extend(&other.shards);
         about.shards.sort_by_key(|shard| (shard.count(), shard.index()));
         about.shards.dedup();
+        if let (Some(merged), Some(other)) = (&mut about.merged, other.merged) {
+            *merged = merged.plus(other);
+        }
         Ok(())
     }
 }

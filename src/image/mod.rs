@@ -20,3 +20,8 @@ pub mod response_film;
 pub mod scan_file;
 pub mod scan_layers;
 pub mod time_plot;
+
+/// Rec. 709 luminance. Emitters are selected in proportion to it; any positive weight keeps the estimate unbiased.
+pub fn luminance(c: [f32; 3]) -> f64 {
+    0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
+}

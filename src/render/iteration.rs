@@ -121,7 +121,7 @@ impl Renderer {
                 allocation.add(seen, image, &counts, samples);
             }
         };
-        sensor.add_film(&mut image, learn, stats)?;
+        let merged = sensor.add_film(&mut image, learn, stats)?;
         if !observe.has_strategies() {
             let image = responses.as_ref().map_or(&image[..], |responses| responses.total());
             stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
@@ -132,7 +132,7 @@ impl Renderer {
 
         stats.waits += device.waits() - waits;
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
-        self.finish_iteration(self.plan.sensor_samples(counts.max()));
+        self.finish_iteration(self.plan.sensor_samples(counts.max()), merged);
         Ok(true)
     }
 
@@ -164,11 +164,14 @@ impl Renderer {
             responses.end();
         }
         self.stats.samples += self.plan.crop_pixels * u64::from(samples);
-        self.finish_iteration(self.plan.sensor_samples(samples));
+        self.finish_iteration(self.plan.sensor_samples(samples), 0.0);
     }
 
-    /// `max`: the maximum number of sensor subpaths of a pixel in the iteration.
-    pub(super) fn finish_iteration(&mut self, max: u32) {
+    /// `max`: the maximum number of sensor subpaths of a pixel in the iteration. `merged`: mean luminance of its merged light.
+    pub(super) fn finish_iteration(&mut self, max: u32, merged: f64) {
+        if let Some(radius) = self.plan.merge_pixels(self.next) {
+            self.merged.add(merged, radius);
+        }
         self.done.add(self.next);
         self.next += 1;
         self.first_sample += max;

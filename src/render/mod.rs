@@ -58,7 +58,7 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::{Device, buffer_desc};
-use crate::image::accumulation::Iterations;
+use crate::image::accumulation::{Iterations, MergedLight};
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
 use crate::scene::Scene;
@@ -119,6 +119,8 @@ pub struct Renderer {
     following: Following,
     /// Number of non-finite samples that were dropped from the sums that the render continues.
     dropped_before: u64,
+    /// Light of the film that merging found.
+    merged: MergedLight,
 }
 
 #[warn(missing_docs)]
@@ -224,6 +226,7 @@ impl Renderer {
             first_sample: 0,
             following: Following::Unknown,
             dropped_before: 0,
+            merged: MergedLight::default(),
         })
     }
 

@@ -10,7 +10,6 @@ use std::sync::Arc;
 
 use super::Renderer;
 use super::device_scene::DeviceScene;
-use super::emitters::luminance;
 use super::geometry::Geometry;
 use super::media::Media;
 use super::missing_light::walk::World;
@@ -214,15 +213,10 @@ pub fn can_merge(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -
 }
 
 impl Renderer {
-    /// The light of this process's iterations that merging found; `None` if the render does not merge.
+    /// The light of the film that merging found; `None` if the render does not merge.
     #[doc(hidden)]
     pub fn merged(&self) -> Option<Merged> {
-        let radius = self.plan.merge_pixels(self.next.saturating_sub(1))?;
-        let iterations = self.stats.iterations.max(1) as f64;
-        let pixels = self.film.mean();
-        let all = pixels.chunks_exact(3).map(|rgb| luminance([rgb[0], rgb[1], rgb[2]])).sum::<f64>();
-        let share = self.stats.merged_light / iterations / (all * 3.0 / pixels.len() as f64);
-        Some(Merged { share: if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }, radius })
+        self.plan.merging.is_some().then(|| self.merged.of(&self.film))
     }
 }
 

@@ -7,6 +7,7 @@ use super::responses::ResponseSums;
 use super::schedule::Following;
 use super::{Iterations, Renderer, Stats};
 use crate::error::{Error, Result};
+use crate::image::accumulation::MergedLight;
 use crate::image::film::Film;
 use crate::scene::Camera;
 #[cfg(doc)]
@@ -141,5 +142,6 @@ impl Renderer {
         self.done = Iterations::default();
         (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);
         self.following = Following::Unknown;
+        self.merged = MergedLight::default();
     }
 }

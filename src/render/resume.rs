@@ -17,6 +17,7 @@ impl Renderer {
             seconds,
             iterations: self.done.clone(),
             next_sample: self.first_sample,
+            merged: self.plan.merging.is_some().then_some(self.merged),
             ..render.clone()
         }
     }
@@ -76,6 +77,7 @@ impl Renderer {
         }
         (self.next, self.first_sample) = (about.iterations.end(), about.next_sample);
         (self.done, self.dropped_before) = (about.iterations, about.dropped);
+        self.merged = about.merged.unwrap_or_default();
         Ok(())
     }
 

@@ -68,8 +68,6 @@ pub struct Stats {
     pub live_candidates: u64,
     /// Contributions that arrived inside the gate.
     pub inside_gate: u64,
-    /// Luminance of the merged light: the sum over the iterations of the mean over the pixels.
-    pub merged_light: f64,
     /// Contributions and light vertices that were not finite and were dropped.
     pub dropped: u64,
     /// Seconds on the device per kernel, from timestamps. Empty if the device has no timestamps.

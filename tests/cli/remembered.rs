@@ -17,7 +17,7 @@ fn render(here: &Path, flags: &[&str]) -> String {
 }
 
 /// Changes the description in a file of sums.
-fn edit(path: &Path, change: impl Fn(&mut Value)) {
+pub fn edit(path: &Path, change: impl Fn(&mut Value)) {
     let mut old = ZipArchive::new(Cursor::new(std::fs::read(path).unwrap())).unwrap();
     let mut about: Value = serde_json::from_reader(old.by_name("about.json").unwrap()).unwrap();
     change(&mut about);

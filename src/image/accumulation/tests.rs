@@ -47,6 +47,7 @@ fn accumulation(numbers: impl IntoIterator<Item = u32>, count: usize, has_varian
         responses: (0..count).map(|t| format!("g{t}")).collect(),
         tables: BTreeMap::new(),
         seed: 3,
+        merged: None,
         samples_per_pixel: film.samples(),
         dropped: 0,
         seconds: 0.1 * f64::from(film.iterations()),

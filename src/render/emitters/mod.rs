@@ -14,6 +14,7 @@ use glam::{BVec3, DVec3, Vec3};
 use super::geometry::Geometry;
 use super::solids::Solids;
 use super::space::RenderSpace;
+pub use crate::image::luminance;
 use crate::scene::{Light, Medium, Scene, SkyImage, surrounding_indices};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::*;
@@ -49,11 +50,6 @@ pub struct EmitterSet {
     pub densities: Vec<f32>,
     /// Luminance-weighted power in W of every node that emits, by node name. A sun or a sky has none.
     pub powers: BTreeMap<String, f64>,
-}
-
-/// Rec. 709 luminance. Emitters are selected in proportion to it; any positive weight keeps the estimate unbiased.
-pub fn luminance(c: [f32; 3]) -> f64 {
-    0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
 }
 
 impl EmitterSet {

@@ -45,7 +45,7 @@ fn moments(g: f64) -> [Vec<(f64, f64)>; 2] {
     for _ in 0..ITERATIONS {
         let iteration = renderer.next_iteration(1);
         let pool = renderer.build_pool(&iteration, &mut |_| ()).unwrap();
-        renderer.finish_iteration(1);
+        renderer.finish_iteration(1, 0.0);
         // The squared distance found, and the one expected with either coefficient.
         let mut sums = vec![[0.0; 3]; ENDS.len() - 1];
         for v in pool.vertices.iter().filter(|v| v.flags & VERTEX_IN_MEDIUM != 0) {

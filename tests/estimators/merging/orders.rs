@@ -94,7 +94,7 @@ fn light_that_could_merge_at_two_places_counts_once() {
         let s = settings(Estimator::Bdpt, [SIDE, SIDE]).light_paths(200).max_depth(11).build().unwrap();
         Cells::measure(&mut renderer(&corner(panes), &s), gate, 4, iterations, 16, seed).whole()
     };
-    let (truth, spread) = measure(None, 1, 720);
+    let (truth, spread) = measure(None, if is_long() { 32 } else { 4 }, 720);
     let clear = Material { ior: 1.0, ..glass("clear") };
     let (found, error) = measure(Some(clear), if is_long() { 32 } else { 2 }, 760);
     eprintln!("{found:.5e} +- {error:.1e}, expected {truth:.5e} +- {spread:.1e}");
