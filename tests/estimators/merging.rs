@@ -1,5 +1,6 @@
 //! Light that passes smooth glass or mirrors both before and after it is scattered: photons and merging. Closed forms.
 
+mod limits;
 mod media;
 mod mirrors;
 mod orders;

@@ -107,6 +107,6 @@ fn a_mirror_of_many_triangles_and_many_lamps_shows_the_same() {
     let lamps = 12;
     scene.lights.clear();
     let kind = LightKind::Point { intensity: [(INTENSITY / f64::from(lamps)) as f32; 3] };
-    (0..lamps).for_each(|k| light(&mut scene, &format!("lamp {k}"), DVec3::ZERO, DVec3::NEG_Z, kind.clone()));
+    (0..lamps).for_each(|k| light(&mut scene, &format!("lamp {k}"), DVec3::ZERO, DVec3::NEG_Z, kind));
     finds("many triangles", &scene, Estimator::Bdpt, GATE, REFLECTANCE * REFLECTANCE * BARE);
 }
