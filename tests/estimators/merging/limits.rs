@@ -12,11 +12,11 @@ use taugate::internals::settings::{Estimator, Merge, Responses};
 use super::super::cells::{Cells, renderer, settings, threshold};
 use super::{ALBEDO, INTENSITY, SIDE, behind_slab, slab};
 
-/// A wall 1 m before the camera, behind glass, and a lamp above the camera: a point, or a ball of this radius with the same intensity.
+/// A wall 1.6 m before the camera, behind glass, and a lamp above the camera: a point, or a ball of this radius with the same intensity.
 fn behind(shape: &Mesh, at: DAffine3, radius: Option<f64>) -> Scene {
     let mut scene = Scene::default();
     let grey = material(&mut scene, diffuse("wall", [ALBEDO as f32; 3]));
-    add(&mut scene, "wall", grey, quad(DVec3::new(-2.0, -2.0, -1.0), 4.0 * DVec3::X, 4.0 * DVec3::Y, [1.0; 2]));
+    add(&mut scene, "wall", grey, quad(DVec3::new(-2.0, -2.0, -1.6), 4.0 * DVec3::X, 4.0 * DVec3::Y, [1.0; 2]));
     let clear = material(&mut scene, glass("glass"));
     let shape = mesh(&mut scene, "glass", clear, shape.clone());
     place(&mut scene, "glass", shape, at);
@@ -50,8 +50,8 @@ fn a_lamp_that_shrinks_to_a_point_is_the_limit_behind_glass() {
     let turn = DMat3::from_rotation_x(0.4);
     let pane = cuboid(DVec3::new(-0.6, -0.6, -0.02), DVec3::new(0.6, 0.6, 0.02));
     let tilted = DAffine3::from_mat3_translation(turn, DVec3::new(0.0, 0.0, -0.5));
-    // Light that glass reflects to the camera without the wall takes less. Light of the largest ball over the wall takes 2 m.
-    let gate = Gate { lo: 1.98, hi: 6.0 };
+    // Light that glass reflects to the camera without the wall takes less. Light of the largest lamp over the wall takes 3.1 m.
+    let gate = Gate { lo: 2.9, hi: 8.0 };
     for (name, shape, at) in [("tilted slab", pane, tilted), ("ball", icosphere(0.15, 4), ball_at())] {
         let measure = |radius: Option<f64>, estimator, iterations: u32| {
             let scene = behind(&shape, at, radius);
@@ -61,12 +61,12 @@ fn a_lamp_that_shrinks_to_a_point_is_the_limit_behind_glass() {
         let (point, error) = measure(None, Estimator::Bdpt, 4);
         eprintln!("{name}: a point, merged: {point:.5} +- {error:.1e}");
         let mut last = 0.0;
-        for (radius, iterations) in [(0.1, 16), (0.05, 48), (0.025, 128)] {
+        for (radius, iterations) in [(0.1, 16), (0.05, 64)] {
             let (found, spread) = measure(Some(radius), Estimator::Pt, iterations);
             eprintln!("{name}: radius {radius}: {found:.5} +- {spread:.1e}");
             last = (found - point).abs() - 1e-2 * point - threshold(2) * spread.hypot(error);
         }
-        assert!(last < 0.0, "{name}: the smallest ball is not like the point");
+        assert!(last < 0.0, "{name}: the smallest lamp is not like the point");
     }
 }
 
