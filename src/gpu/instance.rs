@@ -147,7 +147,8 @@ unsafe extern "system" fn on_message(
 ) -> vk::Bool32 {
     // SAFETY: the layer passes a valid structure with a NUL-terminated message.
     let message = unsafe { CStr::from_ptr((*data).p_message) }.to_string_lossy();
-    eprintln!("validation {severity:?}: {message}");
+    let is_error = severity == vk::DebugUtilsMessageSeverityFlagsEXT::ERROR;
+    eprintln!("validation {}: {message}", if is_error { "error" } else { "warning" });
     std::process::abort()
 }
 
