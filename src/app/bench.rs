@@ -9,8 +9,8 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use taugate::internals::bench::case::{Case, Entry};
 use taugate::internals::bench::growth;
-use taugate::internals::bench::job::{Entry, Job};
 use taugate::internals::bench::quality::{MARGIN, MAX_REFERENCE_RELMSE, is_good};
 use taugate::internals::bench::race::Race;
 use taugate::internals::bench::reference::{self, Reference};
@@ -98,9 +98,9 @@ impl Bench {
                 let message = format!("there is no scene {}; check the name", scene.path().display());
                 return Err(bench.suite.error_at(scene, Part::Path, &message));
             }
-            let job = Job::load(&bench.suite, scene)?;
-            job.warnings.iter().for_each(|warning| progress.line(&format!("warning: {}: {warning}", scene.name)));
-            bench.present.push((at, job.entries));
+            let case = Case::load(&bench.suite, scene)?;
+            case.warnings.iter().for_each(|warning| progress.line(&format!("warning: {}: {warning}", scene.name)));
+            bench.present.push((at, case.entries));
         }
         Ok(bench)
     }
@@ -195,7 +195,7 @@ impl Bench {
             if entries[0].settings.responses().are_steady() || self.missing(rows, *at, entries).is_empty() {
                 continue;
             }
-            Job::load(&self.suite, scene)?.prepare(&self.suite, scene)?;
+            Case::load(&self.suite, scene)?.prepare(&self.suite, scene)?;
         }
         Ok(())
     }
@@ -232,16 +232,16 @@ impl Bench {
         progress: &mut Progress,
     ) -> Result<Verdict> {
         let scene = self.scene(at);
-        let job = Job::load(&self.suite, scene)?;
+        let case = Case::load(&self.suite, scene)?;
         let found = |entry: &Entry| match self.suite.errors {
             true => reference::read(&self.references, entry),
             false => Ok(None),
         };
-        let references = job.entries.iter().map(found).collect::<Result<Vec<_>>>()?;
-        let prepared = job.prepare(&self.suite, scene)?;
-        let mut race = Race::new(device, &job, &prepared, references)?;
+        let references = case.entries.iter().map(found).collect::<Result<Vec<_>>>()?;
+        let prepared = case.prepare(&self.suite, scene)?;
+        let mut race = Race::new(device, &case, &prepared, references)?;
         drop(prepared);
-        for repetition in self.missing(rows, at, &job.entries) {
+        for repetition in self.missing(rows, at, &case.entries) {
             let mut watch = |seconds: f64| {
                 suite_progress.done += seconds;
                 progress.show(suite_progress.part(), || suite_progress.describe(&scene.name, repetition));
@@ -272,7 +272,7 @@ impl Bench {
                 }
             }
             if repetition == 0 && self.suite.errors {
-                self.keep_images(&job, &race)?;
+                self.keep_images(&case, &race)?;
             }
             for row in &mut new {
                 row.fingerprint = self.fingerprint(&row.fingerprint, device);
@@ -293,14 +293,14 @@ impl Bench {
         table::write(&path, &rows)
     }
 
-    fn keep_images(&self, job: &Job, race: &Race) -> Result<()> {
+    fn keep_images(&self, case: &Case, race: &Race) -> Result<()> {
         for (entry, film, seconds) in race.films() {
             let settings = &entry.settings;
             let provenance = Provenance {
                 seed: taugate::internals::bench::race::seed(0),
                 ..Provenance::new(settings, seconds, entry.config.clone())
             };
-            exr_file::write(&report::image_path(&self.out, &job.name, &entry.variant), film, &provenance)?;
+            exr_file::write(&report::image_path(&self.out, &case.name, &entry.variant), film, &provenance)?;
         }
         Ok(())
     }

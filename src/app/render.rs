@@ -37,6 +37,7 @@ use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::live::Live;
 use super::progress::{Position, Progress};
 use super::report::Report;
+use super::strategies::StrategyRender;
 use super::{compiling, pace, strategies};
 use crate::app::cli::RenderArgs;
 pub use errors::NotFinite;
@@ -264,7 +265,7 @@ impl Session {
         } else if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
             let (samples, device) = (renderer.film().samples(), &renderer.device().clone());
             let (scene, interrupts) = (&job.ready.into_scene(), &self.interrupts);
-            let images = strategies::Job { device, scene, settings, samples, interrupts };
+            let images = StrategyRender { device, scene, settings, samples, interrupts };
             images.write(folder, &provenance, &self.progress)?;
         }
         let interrupted = self.interrupts.stop.load(Ordering::Relaxed);

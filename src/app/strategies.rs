@@ -20,7 +20,7 @@ use super::progress::Progress;
 use super::rescue::Rescue;
 
 /// The render whose strategies are shown.
-pub struct Job<'a> {
+pub struct StrategyRender<'a> {
     pub device: &'a Device,
     pub scene: &'a Scene,
     pub settings: &'a Settings,
@@ -96,7 +96,7 @@ fn temporary_beside(folder: &Path) -> Result<(tempfile::TempDir, Option<fs::File
     })
 }
 
-impl Job<'_> {
+impl StrategyRender<'_> {
     /// Renders all strategies and writes them into `folder`. After an interrupt the folder is unchanged.
     pub fn write(&self, folder: &Path, provenance: &Provenance, progress: &Progress) -> anyhow::Result<()> {
         let prepared = PreparedScene::new(self.scene, self.settings)?;

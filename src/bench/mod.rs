@@ -1,12 +1,12 @@
 //! Measures error against time: estimators, or variants of their settings, render the same scenes in turns and are compared
 //! with references.
 //!
-//! A [`suite`] lists scenes and variants. A [`job`] is one scene, ready to render. A [`race`] renders a job once per
+//! A [`suite`] lists scenes and variants. A [`case`] is one scene, ready to render. A [`race`] renders a case once per
 //! repetition. A [`table`] holds the measurements, and a [`summary`] their medians and ratios. [`growth`] fits how costs
 //! depend on a quantity. A [`report`] presents everything.
 
+pub mod case;
 pub mod growth;
-pub mod job;
 mod pilot;
 mod plot;
 pub mod power_law;

@@ -1,6 +1,6 @@
 //! Short renders that find the settings with the smallest error per second. These settings then render the reference.
 
-use super::job::{Entry, Job};
+use super::case::{Case, Entry};
 use super::quality::{ReferenceTarget, relative};
 use crate::compare::metrics::Means;
 use crate::error::Result;
@@ -88,7 +88,7 @@ fn over_blocks(image: &[f32], width: usize) -> Vec<f32> {
 /// work.
 pub fn pilots(
     device: &Device,
-    job: &Job,
+    case: &Case,
     prepared: &PreparedScene,
     entries: &[&Entry],
     target: ReferenceTarget,
@@ -115,11 +115,11 @@ pub fn pilots(
     let mut pilots = vec![];
     for (i, (variant, settings)) in candidates.into_iter().enumerate() {
         let measured = i < entries.len();
-        let mut timed = job.timed(device, &settings, prepared)?;
+        let mut timed = case.timed(device, &settings, prepared)?;
         timed.restart(FIRST_SEED + i as u32);
         while timed.clock < seconds || timed.renderer.film().iterations() < 4 {
             timed.run_until(timed.clock + seconds / 8.0)?;
-            if !watch(0.0, &format!("{}: trying {variant}", job.name)) {
+            if !watch(0.0, &format!("{}: trying {variant}", case.name)) {
                 return Ok(None);
             }
         }

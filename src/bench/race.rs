@@ -1,6 +1,6 @@
 //! Renders variants in turns, so that other load on the machine slows all of them equally.
 
-use super::job::{Entry, Job};
+use super::case::{Case, Entry};
 use super::reference::Reference;
 use super::table::Row;
 use super::timed_renderer::TimedRenderer;
@@ -24,21 +24,21 @@ pub fn points(seconds: f64) -> Vec<f64> {
 
 /// Renderers for all variants of a scene, with compiled kernels.
 pub struct Race<'a> {
-    job: &'a Job,
+    case: &'a Case,
     timed_renderers: Vec<TimedRenderer>,
     references: Vec<Option<Reference>>,
 }
 
 impl<'a> Race<'a> {
-    /// `references`: one per entry of the job, with the size of its crop; `None` if only costs are measured.
+    /// `references`: one per entry of the case, with the size of its crop; `None` if only costs are measured.
     pub fn new(
         device: &Device,
-        job: &'a Job,
+        case: &'a Case,
         prepared: &PreparedScene,
         references: Vec<Option<Reference>>,
     ) -> Result<Race<'a>> {
-        let timed = |entry: &Entry| TimedRenderer::new(device, &job.scene, &entry.settings, prepared);
-        Ok(Race { timed_renderers: job.entries.iter().map(timed).collect::<Result<_>>()?, job, references })
+        let timed = |entry: &Entry| TimedRenderer::new(device, &case.scene, &entry.settings, prepared);
+        Ok(Race { timed_renderers: case.entries.iter().map(timed).collect::<Result<_>>()?, case, references })
     }
 
     /// One repetition: every variant renders until the end of the iteration nearest to `seconds`. `watch` is called after each turn
@@ -69,12 +69,12 @@ impl<'a> Race<'a> {
                 return Ok(None);
             }
         }
-        rows.sort_by_key(|row| self.job.entries.iter().position(|entry| entry.variant == row.variant));
+        rows.sort_by_key(|row| self.case.entries.iter().position(|entry| entry.variant == row.variant));
         Ok(Some(rows))
     }
 
     fn measure(&self, at: usize, repetition: u32, point: u32) -> Result<Row> {
-        let (timed, entry) = (&self.timed_renderers[at], &self.job.entries[at]);
+        let (timed, entry) = (&self.timed_renderers[at], &self.case.entries[at]);
         let (relmse, own, flip) = match &self.references[at] {
             None => (Means::NAN, Means::NAN, f64::NAN),
             Some(Reference { picture, own, .. }) => {
@@ -89,7 +89,7 @@ impl<'a> Race<'a> {
         let queries = timed.count(|s| s.candidates);
         let vertices = timed.count(|s| s.emitter_vertices + s.scattered_vertices + s.deterministic_vertices);
         Ok(Row {
-            scene: self.job.name.clone(),
+            scene: self.case.name.clone(),
             variant: entry.variant.clone(),
             estimator: entry.settings.estimator().to_string(),
             repetition,
@@ -107,7 +107,7 @@ impl<'a> Race<'a> {
             triangles: timed.renderer.stats().triangles,
             pixels,
             gate_m: gate.hi - gate.lo,
-            optical_thickness: thickness(&self.job.scene),
+            optical_thickness: thickness(&self.case.scene),
             us_per_sample: 1e6 * timed.clock / (samples * pixels) as f64,
             fingerprint: entry.fingerprint.clone(),
         })
@@ -115,7 +115,7 @@ impl<'a> Race<'a> {
 
     /// For every variant: its entry, its film of the last repetition, and the seconds of rendering.
     pub fn films(&self) -> impl Iterator<Item = (&Entry, &Film, f64)> {
-        self.job
+        self.case
             .entries
             .iter()
             .zip(&self.timed_renderers)

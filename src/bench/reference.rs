@@ -11,7 +11,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::job::{Entry, Job};
+use super::case::{Case, Entry};
 use super::pilot::{Pilot, fastest, frugal, pilots, with_defaults_of};
 use super::quality::{MARGIN, MAX_REFERENCE_RELMSE, ReferenceTarget, relative};
 use super::timed_renderer::TimedRenderer;
@@ -123,14 +123,14 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
 /// to continue. `None` if `watch` stopped the work. If the check fails, [`Finished::path`] is the file for rejected renders.
 pub fn make(
     device: &Device,
-    job: &Job,
+    case: &Case,
     prepared: &PreparedScene,
     entries: &[&Entry],
     target: ReferenceTarget,
     path: &Path,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<Finished>> {
-    let Some(pilots) = pilots(device, job, prepared, entries, target, watch)? else { return Ok(None) };
+    let Some(pilots) = pilots(device, case, prepared, entries, target, watch)? else { return Ok(None) };
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
     let cheapest = |mean: &[f32]| measured().map(|p| p.cost(mean)).fold(Means::INFINITE, Means::min);
     let may_render = |pilot: &&Pilot| target.estimator.is_none_or(|wanted| pilot.settings.estimator() == wanted);
@@ -156,7 +156,7 @@ pub fn make(
     let mut doubtful = previous.as_ref().is_some_and(|previous| !previous.current);
     let mut halves = vec![];
     for seed in HALVES {
-        let mut timed = job.timed(device, &chosen.settings, prepared)?;
+        let mut timed = case.timed(device, &chosen.settings, prepared)?;
         timed.restart(seed + extension);
         halves.push(timed);
     }
@@ -203,7 +203,7 @@ pub fn make(
             ),
             false => String::new(),
         };
-        if !watch(done, &format!("{}: reference by {}{reached}", job.name, chosen.variant)) {
+        if !watch(done, &format!("{}: reference by {}{reached}", case.name, chosen.variant)) {
             return Ok(None);
         }
     }
@@ -216,7 +216,7 @@ pub fn make(
     let mut verdict = None;
     for (seed, part) in JUDGES {
         let needed = (judge, seed + extension);
-        let Some(judge_cells) = judge_cells(device, job, prepared, entries[0], needed, part * seconds, watch)? else {
+        let Some(judge_cells) = judge_cells(device, case, prepared, entries[0], needed, part * seconds, watch)? else {
             return Ok(None);
         };
         let found = verdict.insert(agreement(size, &cells, &judge_cells)?);
@@ -329,18 +329,18 @@ fn join(halves: &[TimedRenderer], previous: Option<&PreviousReference>) -> Film 
 /// Batches of cells of an independent render with another estimator. `None` if `watch` stops the work.
 fn judge_cells(
     device: &Device,
-    job: &Job,
+    case: &Case,
     prepared: &PreparedScene,
     entry: &Entry,
     (estimator, seed): (Estimator, u32),
     seconds: f64,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<CellBatches>> {
-    let mut timed = job.timed(device, &frugal(with_defaults_of(entry, estimator)), prepared)?;
+    let mut timed = case.timed(device, &frugal(with_defaults_of(entry, estimator)), prepared)?;
     timed.restart(seed);
     while timed.clock < seconds || timed.renderer.film().iterations() < 2 * MIN_ITERATIONS {
         advance(&mut timed)?;
-        if !watch(1.0, &format!("{}: checking the reference with {estimator}", job.name)) {
+        if !watch(1.0, &format!("{}: checking the reference with {estimator}", case.name)) {
             return Ok(None);
         }
     }

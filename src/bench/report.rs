@@ -3,8 +3,8 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use super::case::Entry;
 use super::growth;
-use super::job::Entry;
 use super::plot;
 use super::quality::MARGIN;
 use super::reference::{self, Reference};

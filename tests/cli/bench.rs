@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use taugate::internals::bench::job::Job;
+use taugate::internals::bench::case::Case;
 use taugate::internals::bench::suite::Suite;
 use taugate::internals::bench::table::{self, COLUMNS};
 use taugate::internals::generate::{Kind, glb_bytes};
@@ -332,7 +332,7 @@ fn references_follow_the_files_that_a_scene_names() {
     std::fs::write(here.path().join("paint.png"), "one").unwrap();
     let text = "[[scene]]\nname = \"a\"\nscene = \"box.gltf\"\n[[variant]]\nname = \"b\"\n";
     let suite = Suite::parse(&here.path().join("s.toml"), text.into()).unwrap();
-    let reference = || Job::load(&suite, &suite.scenes[0]).unwrap().entries[0].reference.clone();
+    let reference = || Case::load(&suite, &suite.scenes[0]).unwrap().entries[0].reference.clone();
 
     let first = reference();
     assert_eq!(reference(), first);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 #[cfg(doc)]
-use taugate::internals::bench::job::Entry;
+use taugate::internals::bench::case::Entry;
 use taugate::internals::bench::table::{self, Row};
 use taugate::internals::gpu::{Device, DeviceInfo};
 use taugate::internals::image::fingerprint::Hash;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use taugate::internals::bench::job::{Entry, Job};
+use taugate::internals::bench::case::{Case, Entry};
 use taugate::internals::bench::quality::{self, ReferenceTarget};
 use taugate::internals::bench::reference::{self, OtherVersion, ReferenceReport};
 use taugate::internals::bench::table::{self, Row};
@@ -52,20 +52,20 @@ pub fn make(
             progress.line(&format!("{}: its references are complete", scene.name));
             continue;
         }
-        let job = Job::load(&bench.suite, scene)?;
-        let prepared = job.prepare(&bench.suite, scene)?;
+        let case = Case::load(&bench.suite, scene)?;
+        let prepared = case.prepare(&bench.suite, scene)?;
         for (name, best) in wanted {
             let limit = args.reference_time.map_or(TIME_LIMIT_FACTOR * bench.suite.seconds, |time| time.0);
             let estimator = args.reference_estimator;
             let target = ReferenceTarget { seconds: bench.suite.seconds, estimator, limit, best };
-            let sharing: Vec<&Entry> = job.entries.iter().filter(|entry| entry.reference == name).collect();
+            let sharing: Vec<&Entry> = case.entries.iter().filter(|entry| entry.reference == name).collect();
             let path = bench.references.join(name);
             let mut watch = |done: f64, what: &str| {
                 progress.show(done, || what.to_string());
                 !stop.load(Ordering::Relaxed)
             };
             let started = Instant::now();
-            match reference::make(device, &job, &prepared, &sharing, target, &path, &mut watch)? {
+            match reference::make(device, &case, &prepared, &sharing, target, &path, &mut watch)? {
                 None => {
                     progress.line(&format!(
                         "interrupted: {} of work on the reference of {} is lost; a run with a shorter --reference-time writes what it \

@@ -16,7 +16,7 @@ use crate::settings::Settings;
 use super::timed_renderer::TimedRenderer;
 
 /// A scene with its gate, and the settings that render it.
-pub struct Job {
+pub struct Case {
     pub name: String,
     pub scene: Scene,
     /// One entry per variant that finds all light of the scene.
@@ -40,10 +40,10 @@ pub struct Entry {
     pub reference: String,
 }
 
-impl Job {
+impl Case {
     /// Loads a scene. Errors name line and column of the scene in the suite file. Variants that would miss light are left out
     /// with a warning.
-    pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Job> {
+    pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Case> {
         let wrong = |error: Error, part| suite.error_at(entry, part, &error.to_string());
         let files = match entry.generated {
             Some(kind) => vec![generate::glb_bytes(kind)],
@@ -58,27 +58,27 @@ impl Job {
             let contents = fingerprint::of_files(&inputs).map_err(|e| wrong(e, Part::Name))?;
             hash = hash.with(contents.as_bytes());
         }
-        let mut job = Job { name: entry.name.clone(), scene, entries: vec![], warnings, hash };
+        let mut case = Case { name: entry.name.clone(), scene, entries: vec![], warnings, hash };
         for variant in &suite.variants {
             let (camera, emitter) = (own.camera.clone(), own.emitter.clone());
             let experiment = Experiment { camera, emitter, ..suite.experiment(entry, variant) };
-            let resolved = resolve::resolve(&experiment, &job.scene).map_err(|e| wrong(e, Part::Name))?;
-            job.warnings
-                .extend(resolved.warnings.into_iter().filter(|w| !job.warnings.contains(w)).collect::<Vec<_>>());
-            if resolved.settings.missed_lights(&job.scene).next().is_none() {
-                job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
+            let resolved = resolve::resolve(&experiment, &case.scene).map_err(|e| wrong(e, Part::Name))?;
+            case.warnings
+                .extend(resolved.warnings.into_iter().filter(|w| !case.warnings.contains(w)).collect::<Vec<_>>());
+            if resolved.settings.missed_lights(&case.scene).next().is_none() {
+                case.entries.push(case.entry(&variant.name, &experiment, resolved.settings));
             } else {
-                job.warnings.push(format!("{} is left out because it cannot find the light of a beam", variant.name));
+                case.warnings.push(format!("{} is left out because it cannot find the light of a beam", variant.name));
             }
         }
-        if job.entries.is_empty() {
+        if case.entries.is_empty() {
             return Err(suite.error_at(
                 entry,
                 Part::Name,
                 "no variant finds the light of its beam; add a variant with bdpt or lcs",
             ));
         }
-        Ok(job)
+        Ok(case)
     }
 
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {
@@ -160,8 +160,8 @@ mod tests {
             "[[scene]]\nname = 'box'\ngenerate = {{ name = 'cornell-box' }}\nresolution = '8x8'\n{keys}\n[[variant]]\nname = 'bdpt'\n"
         );
         let suite = Suite::parse(&folder.join("s.toml"), text).unwrap_or_else(|e| panic!("{keys}: {e}"));
-        let mut job = Job::load(&suite, &suite.scenes[0]).unwrap_or_else(|e| panic!("{keys}: {e}"));
-        job.entries.remove(0)
+        let mut case = Case::load(&suite, &suite.scenes[0]).unwrap_or_else(|e| panic!("{keys}: {e}"));
+        case.entries.remove(0)
     }
 
     /// The name of the reference of a scene with these keys.
