@@ -17,7 +17,7 @@ macro_rules! table {
             $($crate::settings::setting::value!(get $field: $type, [$($default)?], $setting, [$($help),+]);)+
 
             /// The values of all settings that have a default; `None` for those that the estimator does not use.
-            pub(super) fn values(&self) -> $table {
+            pub(in crate::settings) fn values(&self) -> $table {
                 let mut table = $table::default();
                 $($crate::settings::setting::value!(fill self, table, $field, [$($default)?], $setting);)+
                 table

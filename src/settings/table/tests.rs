@@ -2,6 +2,7 @@ use super::*;
 use crate::error::Error;
 use crate::input::experiment::Experiment;
 use crate::input::named;
+use crate::settings::Estimator;
 use crate::settings::setting::{LeaveOut, Taker, Value, Visitor};
 use crate::settings::{Budget, Crop, Settings};
 
@@ -182,11 +183,10 @@ fn pages_change_no_names_of_files() {
 
 #[test]
 fn notes_name_the_estimators_that_use_a_setting() {
-    let setting = Setting::sampling("splat-paths", "N").only_for(traces_light);
+    let setting = find("splat-paths").unwrap();
     assert_eq!(setting.without_effect(Estimator::Bdpt), None);
     let note = "--splat-paths is only for bdpt, epc, lcs-paper and lcs; pt ignores it";
     assert_eq!(setting.without_effect(Estimator::Pt).as_deref(), Some(note));
-    let note =
-        Setting::sampling("frontier", "N").only_for(Estimator::by_importance).without_effect(Estimator::Bdpt).unwrap();
+    let note = find("frontier").unwrap().without_effect(Estimator::Bdpt).unwrap();
     assert!(note.starts_with("--frontier is only for lcs; bdpt"), "{note}");
 }

@@ -1,0 +1,104 @@
+//! The settings of the scene: its camera, its emitters, and how it is read.
+
+use std::path::PathBuf;
+
+use crate::settings::moment::Moment;
+use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
+use crate::settings::setting::Taker::{Page, View};
+use crate::settings::setting::{Form, Setting, table};
+use crate::settings::sky::{Sky, SkyScale};
+use crate::settings::values::{Folders, Resolution};
+use crate::settings::{Crop, Emitters, ThinGlass};
+
+table! {
+    /// `[camera]`: the camera and the image size. At most one of `fov` and `ortho`.
+    CameraTable = "camera" {
+        /// Name of the camera in the scene; NAME#2 is the second camera of this name; auto: a view of the whole scene, slightly
+        /// from above [default: the first camera, or auto if there is none]
+        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point"]);
+
+        /// Place of the camera in metres, instead of its own; without --look-at the camera looks at the centre of the scene
+        look_from: Numbers<3>, Setting::scene("look-from", "X,Y,Z").form(Form::Signed).also(Page);
+
+        /// Point at which the camera looks, in metres
+        look_at: Numbers<3>, Setting::scene("look-at", "X,Y,Z").form(Form::Signed).also(Page);
+
+        /// Direction that is upwards in the image [default with --look-from or --look-at: 0,1,0]
+        up: Numbers<3>, Setting::scene("up", "X,Y,Z").form(Form::Signed).also(Page);
+
+        /// Vertical field of view of a perspective camera in degrees [default: that of the camera, else 40]
+        fov: Fov, Setting::scene("fov", "DEGREES").also(Page);
+
+        /// Orthographic view of this height in metres: parallel camera rays, which start on a plane through the camera
+        ortho: Height, Setting::scene("ortho", "HEIGHT").excludes(&["fov"], "set the view of the camera").also(Page);
+
+        /// Where the axis of the camera meets the image, as fractions of its width and height from the top left corner [default:
+        /// that of the camera, else 0.5,0.5]
+        principal_point: Numbers<2>, Setting::scene("principal-point", "X,Y").form(Form::Signed);
+
+        /// Image size in pixels [default: the resolution of the camera, else 512 pixels wide]
+        resolution: Resolution, Setting::scene("resolution", "WxH").also(Page);
+
+        /// Render only the pixels x0 <= x < x1, y0 <= y < y1; they have the same values as in the whole image (with --sampling
+        /// adaptive, the same except for noise)
+        crop: Crop, Setting::scene("crop", "x0,x1,y0,y1").except(View);
+    }
+}
+
+table! {
+    /// `[emitter]`: the emitters that are switched on, and lights to add.
+    EmitterTable = "emitter" {
+        /// Emitters that are switched on: scene for all, or names of nodes; may be repeated [default: scene]
+        emitters: Emitters, Setting::scene("emitters", "scene|NODE,...").form(Form::Repeated).also(Page);
+
+        /// Add a point light at the camera, called headlamp, with this intensity; without a number, a white surface that faces
+        /// it at the distance of the scene's centre has radiance 1 [default: only if the scene has no light]
+        headlamp: Headlamp, Setting::scene("headlamp", "W/sr").form(Form::Optional { bare: "auto", equals: false }).also(Page);
+
+        /// Place of the headlamp, in metres to the right, upwards and backwards from the camera; switches the headlamp on
+        /// [default: 0,0,0]
+        headlamp_offset: Numbers<3>, Setting::scene("headlamp-offset", "X,Y,Z").form(Form::Signed).also(Page);
+
+        /// Add a point light at X,Y,Z (metres) with this intensity in W/sr, called lamp-1, lamp-2, ...; may be repeated
+        lamp: Lamps, Setting::scene("lamp", "X,Y,Z,INTENSITY").form(Form::SignedRepeated);
+
+        /// Add light from all directions, called sky: its radiance in W/(m^2 sr), as one number or R,G,B, or the file of an
+        /// equirectangular image (.exr, .hdr) with +Y up; gated renders leave it out, because it has no travel time
+        sky: Sky, Setting::scene("sky", "RADIANCE|FILE.exr").form(Form::Signed);
+
+        /// Factor on the radiance of --sky [default: 1]
+        sky_scale: SkyScale, Setting::scene("sky-scale", "FACTOR").form(Form::Signed);
+    }
+}
+
+table! {
+    /// `[input]`: how the scene is read.
+    InputTable = "input" {
+        /// All surfaces reflect and emit on both sides; without this flag the back of a surface is black, unless the scene marks it
+        /// as double-sided
+        double_sided: bool, Setting::scene("double-sided", "").form(Form::Switch).also(Page);
+
+        /// Glass that is thin: light passes straight on, as through a window that is modelled as one plane; other glass is solid and
+        /// refracts light. auto: glass of open meshes, and glass whose material has extras.thin = true [default: auto]
+        thin_glass: ThinGlass, Setting::scene("thin-glass", "auto|all|none");
+
+        /// Also read files of a .gltf scene that lie in this folder or below, such as ../textures; other files must lie in the folder
+        /// of the scene or below; may be repeated
+        allow_path: Folders, Setting::scene("allow-path", "DIR").form(Form::Repeated).affects_no_image();
+
+        /// Play the animations of the scene up to this time in seconds, from 0 on, such as 1.5s; without it, nodes keep the transforms
+        /// in the file
+        at: Moment, Setting::scene("at", "TIME").form(Form::Signed);
+
+        /// Name of the animation to play; NAME#2 is the second animation of this name; none: no animation [default: all of them
+        /// together]
+        animation: String, Setting::scene("animation", "NAME");
+    }
+}
+
+impl InputTable {
+    /// The folders of `allow-path`; empty if the user gave none.
+    pub fn allowed(&self) -> Vec<PathBuf> {
+        self.allow_path.clone().map_or(vec![], |folders| folders.0)
+    }
+}
