@@ -321,7 +321,7 @@ fn add_render(
         max_depth: settings.max_depth(),
         light_paths: settings.light_paths(),
         memory: memory(&plan, info),
-        possible: timed.map(|(part, prepared)| TravelTimeBounds::new(prepared, part)),
+        possible: timed.map(|(part, prepared)| prepared.travel_time_bounds(part.max_depth())),
         crop: (part.crop() != whole).then(|| part.crop().to_string()),
         gate,
         formed: formed_light(scene, part, &prepared),

@@ -9,7 +9,7 @@ use crate::gpu::Device;
 use crate::image::fingerprint::{self, Hash};
 use crate::input::experiment::Experiment;
 use crate::input::{resolve, scenery};
-use crate::render::{PreparedScene, TravelTimeBounds};
+use crate::render::PreparedScene;
 use crate::scene::{Scene, gltf};
 use crate::settings::Settings;
 
@@ -114,7 +114,7 @@ impl Case {
         let settings = &self.entries[0].settings;
         let prepared =
             PreparedScene::new(&self.scene, settings).map_err(|e| suite.error_at(scene, Part::Name, &e.to_string()))?;
-        let bounds = TravelTimeBounds::new(&prepared, settings);
+        let bounds = prepared.travel_time_bounds(settings.max_depth());
         let responses = settings.responses();
         if !responses.are_steady() && !bounds.overlaps(&responses.support()) {
             let message = format!(

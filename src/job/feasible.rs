@@ -4,8 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::input::resolve;
 use crate::render::{
-    MissingLight, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, missing_light, missing_light_at_any_time,
-    probe,
+    MissingLight, PreparedScene, TravelTimes, black_backs, missing_light, missing_light_at_any_time, probe,
 };
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -22,7 +21,7 @@ pub fn check_gate(
     prepared: &PreparedScene,
     open: impl FnOnce() -> Result<Device>,
 ) -> Result<()> {
-    let bounds = TravelTimeBounds::new(prepared, settings);
+    let bounds = prepared.travel_time_bounds(settings.max_depth());
     if bounds.overlaps(&settings.responses().support()) {
         return Ok(());
     }

@@ -101,7 +101,7 @@ impl Ready {
             if !prepared.follow(&scene, settings)? || !renderer.set_camera(&scene.cameras[settings.camera()])? {
                 return Ok(None);
             }
-            renderer.set_lights(&prepared, settings)?;
+            renderer.set_lights(&prepared)?;
             renderer.restart(seed, responses.clone())?;
             renderer.clear_stats();
         } else {

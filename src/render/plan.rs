@@ -239,7 +239,7 @@ impl Plan {
             tuning: Tuning::default(),
             observe,
             cull: !settings.no_cull(),
-            travel_time_bounds: TravelTimeBounds::new(prepared, settings),
+            travel_time_bounds: prepared.travel_time_bounds(settings.max_depth()),
             prepared_sensor: prepared.sensor,
             sensor_corners: [Vec3::ZERO; 4],
             omitted: 0.0,

@@ -1,7 +1,7 @@
 //! A scene that the host has prepared for rendering: it is flattened, its BVH is built, and its emitters are collected.
 
 use std::collections::{BTreeMap, HashSet};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
@@ -10,7 +10,7 @@ use super::media::Media;
 use super::missing_light::{MissingLight, missing_light};
 use super::solids::Solids;
 use super::space::RenderSpace;
-use super::travel_time_bounds::Box3;
+use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use super::{coplanar, far_objects, glass_checks, grid, memory, null_boundary, oversized, pinhole_in_fog, sheets};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
@@ -30,6 +30,8 @@ pub struct PreparedScene {
     pub(super) aims: Vec<[f32; 4]>,
     /// Whether each pixel has a laser of its own, see [`PreparedScene::with_own_lasers`].
     pub(super) has_own_lasers: bool,
+    /// For paths of one segment. Empty until they are needed, and again after lights or surfaces have moved.
+    travel_time_bounds: OnceLock<TravelTimeBounds>,
 }
 
 impl PreparedScene {
@@ -61,8 +63,19 @@ impl PreparedScene {
         let sensor = sensor(camera, settings, &space);
         let media = Arc::new(Media::new(scene, &space)?);
         let aims = space.aims(camera);
-        let has_own_lasers = false;
-        Ok(PreparedScene { geometry, solids, emitters, media, albedo, space, sensor, aims, has_own_lasers })
+        let (has_own_lasers, travel_time_bounds) = (false, OnceLock::new());
+        Ok(PreparedScene {
+            geometry,
+            solids,
+            emitters,
+            media,
+            albedo,
+            space,
+            sensor,
+            aims,
+            has_own_lasers,
+            travel_time_bounds,
+        })
     }
 
     /// Gives each pixel of an aimed camera a laser of its own, as the beams of a LiDAR have. The only light must be a spot at the
@@ -85,17 +98,21 @@ impl PreparedScene {
     pub fn follow(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check()?;
         let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], settings.emitters());
-        Ok(space == self.space && self.follow_nearby(scene, settings)?.is_some())
+        let follows = space == self.space && self.follow_nearby(scene, settings)?;
+        if follows {
+            self.travel_time_bounds.take();
+        }
+        Ok(follows)
     }
 
     /// As [`PreparedScene::follow`], for previews: keeps the render space, so the image has other rounding errors than after a new
-    /// preparation. Returns an upper bound in metres on the motion of the lights. Returns `None` and changes nothing if other lights emit,
-    /// or if a light is infinitely far away.
-    pub fn follow_nearby(&mut self, scene: &Scene, settings: &Settings) -> Result<Option<f64>> {
+    /// preparation. Does not visit the triangles again, so it is fast in large scenes too, but the bounds on travel times become
+    /// wider, and fewer paths are culled. Returns false and changes nothing if other lights emit, or if a light is infinitely far away.
+    pub fn follow_nearby(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check_lights()?;
         let selected = settings.emitters();
         if self.emitters.has_distant {
-            return Ok(None);
+            return Ok(false);
         }
         let emitters = EmitterSet::new(scene, selected, &self.space, &self.geometry, &self.solids);
         let is_like_before = emitters.densities == self.emitters.densities
@@ -103,12 +120,15 @@ impl PreparedScene {
             && emitters.deterministic.len() == self.emitters.deterministic.len()
             && emitters.thin_beams == self.emitters.thin_beams;
         if !is_like_before {
-            return Ok(None);
+            return Ok(false);
         }
         let pairs = self.emitters.lights.iter().zip(&emitters.lights);
         let moved = pairs.map(|((a, _), (b, radius))| f64::from(a.distance(*b) + radius)).fold(0.0, f64::max);
         self.emitters = emitters;
-        Ok(Some(moved * self.space.unit))
+        if let Some(bounds) = self.travel_time_bounds.get_mut() {
+            *bounds = bounds.moved(moved * self.space.unit);
+        }
+        Ok(true)
     }
 
     /// Updates `self` after surfaces of [`Scene::moving`], lights without a surface, or the camera have moved. The rest of `scene` must be
@@ -127,7 +147,13 @@ impl PreparedScene {
         self.emitters = EmitterSet::new(scene, settings.emitters(), &space, &self.geometry, &self.solids);
         self.sensor = sensor(camera, settings, &space);
         self.aims = space.aims(camera);
+        self.travel_time_bounds.take();
         Ok(!self.emitters.table.is_empty())
+    }
+
+    /// Bounds on the travel times of paths with at most `max_depth` segments, seen from the camera that the scene was prepared for.
+    pub fn travel_time_bounds(&self, max_depth: u32) -> TravelTimeBounds {
+        self.travel_time_bounds.get_or_init(|| TravelTimeBounds::new(self)).to_depth(max_depth)
     }
 
     /// Luminance-weighted power in W of every node that emits, by node name.

@@ -12,7 +12,7 @@ use crate::image::film::Film;
 use crate::scene::Camera;
 #[cfg(doc)]
 use crate::scene::Scene;
-use crate::settings::{Responses, Settings};
+use crate::settings::Responses;
 
 impl Renderer {
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
@@ -90,29 +90,15 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with lights that have moved. The BVH, the kernels and the statistics stay.
-    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`]. Fails if the device is lost.
+    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`] or [`PreparedScene::follow_nearby`]. Fails if the device is lost.
     #[doc(hidden)]
-    pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) -> Result<()> {
+    pub fn set_lights(&mut self, prepared: &PreparedScene) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
         self.light.set_punctual(&prepared.emitters.deterministic);
-        self.plan.set_lights(prepared, settings);
+        self.plan.set_lights(prepared);
         if let Some(photons) = &mut self.photons {
             photons.set_lights(prepared);
         }
-        self.clear();
-        Ok(())
-    }
-
-    /// As [`Renderer::set_lights`], for lights that have moved by at most `distance` metres ([`PreparedScene::follow_nearby`]).
-    /// Does not visit the triangles again, so it is fast in large scenes too, but fewer paths are culled. Fails if the device is lost.
-    #[doc(hidden)]
-    pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) -> Result<()> {
-        self.scene.write_emitters(&prepared.emitters.table)?;
-        self.light.set_punctual(&prepared.emitters.deterministic);
-        if let Some(photons) = &mut self.photons {
-            photons.set_lights(prepared);
-        }
-        self.plan.move_lights(prepared, distance);
         self.clear();
         Ok(())
     }

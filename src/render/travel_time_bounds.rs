@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use super::geometry::Geometry;
 use super::media;
 use super::prepared_scene::PreparedScene;
-use crate::settings::Settings;
 use crate::settings::units::Gate;
 use crate::wgsl::layout::Triangle;
 
@@ -42,9 +41,9 @@ pub(super) struct Box3 {
 }
 
 impl TravelTimeBounds {
-    /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length, times the
+    /// Bounds for paths of one segment, from two passes over all triangles. The lower bound is a Euclidean length, times the
     /// group index if there are no solids. Every index is at least 1, so optical lengths are not shorter.
-    pub fn new(prepared: &PreparedScene, settings: &Settings) -> TravelTimeBounds {
+    pub(super) fn new(prepared: &PreparedScene) -> TravelTimeBounds {
         let PreparedScene { geometry, emitters, media, space, sensor, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
         let lights = punctual_emitters(prepared);
@@ -64,7 +63,7 @@ impl TravelTimeBounds {
         let diameter = if is_bounded { diameter } else { f64::INFINITY };
         let max_segment = space.unit * (diameter * indices[1] + geometry.max_delay) * (1.0 + SLACK);
         let min = space.unit * min * least_index * (1.0 - SLACK);
-        TravelTimeBounds { min, max_segment, indices, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
+        TravelTimeBounds { min, max_segment, indices, ..TravelTimeBounds::default() }.to_depth(1)
     }
 
     /// Bounds after the sensor, or the lights, have moved by at most `distance` metres. They follow from the triangle inequality
@@ -80,7 +79,8 @@ impl TravelTimeBounds {
         TravelTimeBounds { min: (self.min - omitted * self.indices[1] * (1.0 + SLACK)).max(0.0), ..*self }
     }
 
-    fn to_depth(self, max_depth: u32) -> TravelTimeBounds {
+    /// Bounds for paths with at most `max_depth` segments.
+    pub(super) fn to_depth(self, max_depth: u32) -> TravelTimeBounds {
         TravelTimeBounds { max: f64::from(max_depth) * self.max_segment, max_depth, ..self }
     }
 
@@ -226,7 +226,7 @@ mod tests {
     fn travel_time_bounds(scene: &Scene) -> TravelTimeBounds {
         let settings = crate::input::resolve::resolve(&Experiment::default(), scene).unwrap().settings;
         let settings = settings.change().max_depth(3).build().unwrap();
-        TravelTimeBounds::new(&PreparedScene::new(scene, &settings).unwrap(), &settings)
+        PreparedScene::new(scene, &settings).unwrap().travel_time_bounds(settings.max_depth())
     }
 
     fn close(a: f64, b: f64) -> bool {
@@ -298,6 +298,26 @@ mod tests {
         // If no path exists, none exists for a moved sensor.
         let dark = TravelTimeBounds { min: f64::INFINITY, ..here };
         assert_eq!(dark.moved(1.0).min, f64::INFINITY);
+    }
+
+    /// The bounds of a prepared scene are those of its lights, after these have moved too.
+    #[test]
+    fn the_bounds_of_a_prepared_scene_follow_its_lights() {
+        let [here, there] = [DVec3::X, 0.5 * DVec3::X].map(|light| scene(0.0, 0.0, Some(light)));
+        let settings = crate::input::resolve::resolve(&Experiment::default(), &here).unwrap().settings;
+        let of = |scene: &Scene| PreparedScene::new(scene, &settings).unwrap();
+        let (before, after) = (of(&here).travel_time_bounds(3), of(&there).travel_time_bounds(3));
+        let mut prepared = of(&here);
+        assert_eq!(prepared.travel_time_bounds(3), before);
+        assert_eq!(prepared.travel_time_bounds(6).max, 2.0 * before.max);
+        assert!(prepared.follow(&there, &settings).unwrap());
+        assert!(prepared.travel_time_bounds(3) == after && before != after, "{before:?}, {after:?}");
+        // Previews get wider bounds at once, if the old ones are known.
+        let mut preview = of(&here);
+        preview.travel_time_bounds(3);
+        assert!(preview.follow_nearby(&there, &settings).unwrap());
+        let wide = preview.travel_time_bounds(3);
+        assert!(close(wide.min, before.min - 0.5) && wide.max > after.max, "{wide:?}, {after:?}");
     }
 
     #[test]

@@ -218,7 +218,7 @@ impl<'a> Measurement<'a> {
         if !prepared.follow(scene, settings)? || !self.renderer.set_camera(&self.scan.camera(number))? {
             unreachable!("laser and sensor keep their places, and turn");
         }
-        self.renderer.set_lights(prepared, settings)?;
+        self.renderer.set_lights(prepared)?;
         self.renderer.restart(Scan::seed(settings.seed(), number), settings.responses().clone())
     }
 

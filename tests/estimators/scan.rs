@@ -162,7 +162,7 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     let mut turned = Renderer::from_prepared(&device(), &first, &settings, &prepared).unwrap();
     let before = render(&mut turned);
     assert!(prepared.follow(&second, &settings).unwrap());
-    turned.set_lights(&prepared, &settings).unwrap();
+    turned.set_lights(&prepared).unwrap();
     assert!(turned.set_camera(&second.cameras[0]).unwrap());
     let after = render(&mut turned);
     assert!(new.iter().any(|&x| x > 0.0) && after == new && before != new);

@@ -59,19 +59,15 @@ impl Renderers {
     /// headlamp. Returns false if there are no previews, if the camera is too far from the one that the scene was prepared for, or if
     /// other lights emit than before. The full image keeps its camera and lights.
     pub fn aim_previews(&mut self, scene: &Scene, settings: &Settings, with_lights: bool) -> Result<bool> {
-        let moved = match with_lights {
-            true => match self.prepared.follow_nearby(scene, settings)? {
-                Some(distance) => Some(distance),
-                None => return Ok(false),
-            },
-            false => None,
-        };
+        if with_lights && !self.prepared.follow_nearby(scene, settings)? {
+            return Ok(false);
+        }
         for preview in &mut self.previews {
             if !preview.set_camera(&scene.cameras[settings.camera()])? {
                 return Ok(false);
             }
-            if let Some(distance) = moved {
-                preview.move_lights(&self.prepared, distance)?;
+            if with_lights {
+                preview.set_lights(&self.prepared)?;
             }
             preview.restart(settings.seed(), settings.responses().clone())?;
         }

@@ -6,24 +6,16 @@ use super::{OPEN, Plan, bounds};
 use crate::estimators::Ellipsoids;
 use crate::lightcone::gate::rounding_allowance;
 use crate::render::prepared_scene::PreparedScene;
-use crate::render::travel_time_bounds::TravelTimeBounds;
+use crate::settings::Responses;
 use crate::settings::units::Gate;
-use crate::settings::{Responses, Settings};
 use crate::wgsl::layout::constants::MEAN_ARC;
 
 impl Plan {
     /// Follows lights that have moved. `prepared` is the prepared scene that the plan was made for, after
-    /// [`PreparedScene::follow`].
-    pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) {
+    /// [`PreparedScene::follow`] or [`PreparedScene::follow_nearby`].
+    pub fn set_lights(&mut self, prepared: &PreparedScene) {
         (self.frame.emitter_lo, self.frame.emitter_hi) = bounds(&prepared.emitters);
-        self.travel_time_bounds = TravelTimeBounds::new(prepared, settings);
-        self.set(self.frame.seed, self.responses.clone());
-    }
-
-    /// As [`Plan::set_lights`], for lights that have moved by at most `distance` metres.
-    pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) {
-        (self.frame.emitter_lo, self.frame.emitter_hi) = bounds(&prepared.emitters);
-        self.travel_time_bounds = self.travel_time_bounds.moved(distance);
+        self.travel_time_bounds = prepared.travel_time_bounds(self.max_depth);
         self.set(self.frame.seed, self.responses.clone());
     }
 
