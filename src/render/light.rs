@@ -13,6 +13,7 @@ use super::pool::LightPool;
 use super::stats::{Stats, computes_wrongly, stage};
 use crate::error::Result;
 use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, DeviceInfo, Kernel, Recorder};
+use crate::wgsl::layout::constants::VERTEX_DEPTH;
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
 use device_loop::DeviceLoop;
 
@@ -71,6 +72,28 @@ impl Tally {
     }
 }
 
+/// Where the results of an iteration go: light vertices to the pool, and splats to `visit`.
+struct Sink<'a, V> {
+    plan: &'a Plan,
+    pool: &'a mut LightPool,
+    visit: &'a mut V,
+    tally: Tally,
+}
+
+impl<V: FnMut(Contribution)> Sink<'_, V> {
+    /// Adds the vertex that the path in `slot` of the batch has just reached. `splat` and `detail`: see [`Tally::report`].
+    fn add(&mut self, batch: &Batch, slot: u32, vertex: &PathVertex, splat: [u32; 4], detail: f32) {
+        if batch.is_stored(self.plan, slot) {
+            self.pool.push(batch.first + slot, vertex, self.plan.max_depth);
+        }
+        // The first vertex of a path has no splat: sensor subpaths find emitters that are seen directly (s = 0).
+        let depth = vertex.flags & VERTEX_DEPTH;
+        if self.plan.splats && depth > 0 {
+            self.tally.report(splat, detail, depth + 1, self.visit);
+        }
+    }
+}
+
 /// The kind of a batch of light paths.
 #[derive(Clone, Copy, PartialEq)]
 enum BatchKind {
@@ -112,7 +135,7 @@ impl Batch {
 /// Phase 1, for all iterations.
 pub struct LightTracer {
     subpaths: Subpaths,
-    /// Traces several bounces per submit; `None` if the host waits for every bounce.
+    /// Traces several bounces per submit; `None` if the host waits for every round.
     device_loop: Option<DeviceLoop>,
     /// Punctual lights as light vertices, which every pool contains.
     punctual: Vec<PathVertex>,
@@ -128,6 +151,8 @@ struct Subpaths {
     /// Only if the plan draws events on beams.
     beam_events: Option<(Kernel, Bindings)>,
     buffers: Buffers,
+    /// The paths that the next round traces, if the host waits for every round.
+    living: Vec<u32>,
     recorder: Recorder,
 }
 
@@ -197,7 +222,7 @@ impl LightTracer {
             }
         };
         let recorder = Recorder::new(device)?;
-        let subpaths = Subpaths { start, trace, splat, beam_events, buffers, recorder };
+        let subpaths = Subpaths { start, trace, splat, beam_events, buffers, living: vec![], recorder };
         Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec(), pool: LightPool::default() })
     }
 
@@ -232,42 +257,48 @@ impl LightTracer {
     pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Contribution), stats: &mut Stats) -> Result<&LightPool> {
         let mut pool = std::mem::take(&mut self.pool);
         pool.restart(&self.punctual);
+        let mut sink = Sink { plan, pool: &mut pool, visit, tally: Tally::new(plan) };
         let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
-            let batch =
-                Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), kind: BatchKind::BeamSpots(emitter) };
-            self.run_batch(plan, &batch, &mut pool, visit, stats)?;
+            let count = (thin.end - emitter).min(BATCH as u32);
+            self.run_batch(&Batch { first: 0, count, kind: BatchKind::BeamSpots(emitter) }, &mut sink, stats)?;
         }
         let on_beams = plan.draws_on_beams().then_some(BatchKind::BeamEvents);
         for kind in [BatchKind::Subpaths].into_iter().chain(on_beams) {
             for first in (0..plan.traced_paths()).step_by(BATCH) {
                 let count = (plan.traced_paths() - first).min(BATCH as u32);
-                self.run_batch(plan, &Batch { first, count, kind }, &mut pool, visit, stats)?;
+                self.run_batch(&Batch { first, count, kind }, &mut sink, stats)?;
             }
         }
+        sink.tally.add_to(stats)?;
         stats.light_paths += u64::from(plan.traced_paths());
         self.pool = pool;
         Ok(&self.pool)
     }
 
-    fn run_batch(
+    /// Traces the paths of a batch: round 0 starts them, and each further round is a bounce. The host waits for every round, or for
+    /// several rounds together.
+    fn run_batch<V: FnMut(Contribution)>(
         &mut self,
-        plan: &Plan,
         batch: &Batch,
-        pool: &mut LightPool,
-        visit: &mut impl FnMut(Contribution),
+        sink: &mut Sink<'_, V>,
         stats: &mut Stats,
     ) -> Result<()> {
         if batch.kind == BatchKind::BeamEvents {
             // Paths from other emitters trace no ray.
-            let rays = (f64::from(batch.count) * plan.beam_share).round() as u64;
-            stats.closest_rays += rays;
-            stats.light_rays += rays;
+            stats.add_light_rays((f64::from(batch.count) * sink.plan.beam_share).round() as u64);
         }
-        match &mut self.device_loop {
-            Some(device_loop) => device_loop.run(&mut self.subpaths, plan, batch, pool, visit, stats),
-            None => self.subpaths.run_bounces(plan, batch, pool, visit, stats),
+        let end = if sink.plan.traces_light && batch.kind != BatchKind::BeamEvents { sink.plan.max_depth } else { 1 };
+        let (mut round, mut living) = (0, batch.count);
+        while round < end && living > 0 {
+            (round, living) = match &mut self.device_loop {
+                None => (round + 1, self.subpaths.run_round(batch, round, round + 1 == end, sink, stats)?),
+                Some(device_loop) => {
+                    device_loop.run_rounds(&mut self.subpaths, batch, round..end, living, sink, stats)?
+                }
+            };
         }
+        Ok(())
     }
 }
 

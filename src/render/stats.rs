@@ -102,6 +102,12 @@ impl Stats {
         Ok(seconds)
     }
 
+    /// Counts rays of light subpaths.
+    pub(super) fn add_light_rays(&mut self, count: u64) {
+        self.closest_rays += count;
+        self.light_rays += count;
+    }
+
     /// Runs `work` and adds its wall time to `stage`, one of the names in [`stage`].
     pub(super) fn timed<T>(&mut self, stage: &str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();

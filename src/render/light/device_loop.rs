@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::*;
 use crate::render::compaction::{ARGUMENTS, CompactionBindings, chunk_counts, indirect_over};
 use crate::render::submit_size::size_factor;
-use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, VERTEX_DEPTH};
+use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS};
 
 /// Maximum number of rounds per submit. Round 0 starts the paths; each further round is a bounce. The vertices of 16 rounds
 /// of a full batch take 112 MiB, and few paths live longer than 16 bounces.
@@ -130,53 +130,45 @@ impl DeviceLoop {
         BufferList::of(|list| LoopBuffers::new(list, info, plan))
     }
 
-    /// Traces a batch with many bounces per submit. After each such submit, a second one copies the new vertices to the host.
-    pub fn run(
+    /// Traces some of the given rounds in one submit; `living` paths take part in the first of them. A second submit copies the new
+    /// vertices to the host. Returns the next round, and the number of paths that take part in it.
+    pub fn run_rounds<V: FnMut(Contribution)>(
         &mut self,
         subpaths: &mut Subpaths,
-        plan: &Plan,
         batch: &Batch,
-        pool: &mut LightPool,
-        visit: &mut impl FnMut(Contribution),
+        rounds: Range<u32>,
+        living: u32,
+        sink: &mut Sink<'_, V>,
         stats: &mut Stats,
-    ) -> Result<()> {
-        let continues = plan.traces_light && batch.kind != BatchKind::BeamEvents;
-        let rounds = if continues { plan.max_depth } else { 1 };
-        let (mut done, mut living) = (0, batch.count);
-        while done < rounds && living > 0 {
-            let until = rounds.min(done + self.rounds);
-            stats.timed(stage::RECORD, || self.record(subpaths, plan, batch, done..until, living))?;
-            let seconds = stats.submit(&mut subpaths.recorder)?;
-            let mut counters = [0u32; COUNTERS];
-            stats.timed(stage::READ_COUNTERS, || {
-                subpaths.buffers.counters.with(COUNTERS, |read| counters.copy_from_slice(read))
-            })?;
-            let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
-            let left = counters[LIVING[until as usize % 2] as usize];
-            let kept_max = batch.count * (until - done);
-            let listed = total(LIVING[0]) + total(LIVING[1]);
-            if left > batch.count || left > listed || listed > kept_max + batch.count || total(KEPT) > kept_max {
-                return Err(computes_wrongly(&format!(
-                    "{} light paths gave {left} living paths, {listed} in all bounces, and {} vertices",
-                    batch.count,
-                    total(KEPT)
-                )));
-            }
-            // A bounce traces one ray per path of its list. Round 0 traces no rays, and the last list is not traced yet.
-            let before = if done == 0 { 0 } else { living };
-            let rays = u64::from(before + listed - left);
-            stats.closest_rays += rays;
-            stats.light_rays += rays;
-            self.read_back_kept(subpaths, total(KEPT) as usize, stats)?;
-            let kept = || self.collect_kept(plan, batch, total(KEPT) as usize, pool, visit);
-            stats.timed(stage::READ_LIGHT, kept)?.add_to(stats)?;
-            // The single round of a batch without bounces says nothing about the time of a bounce.
-            if continues && plan.tuning.tile.is_none() {
-                self.rounds = ((f64::from(until - done) * size_factor(seconds)) as u32).clamp(1, self.capacity);
-            }
-            (done, living) = (until, left);
+    ) -> Result<(u32, u32)> {
+        let Range { start, end } = rounds;
+        let until = end.min(start + self.rounds);
+        stats.timed(stage::RECORD, || self.record(subpaths, sink.plan, batch, start..until, living))?;
+        let seconds = stats.submit(&mut subpaths.recorder)?;
+        let mut counters = [0u32; COUNTERS];
+        stats.timed(stage::READ_COUNTERS, || {
+            subpaths.buffers.counters.with(COUNTERS, |read| counters.copy_from_slice(read))
+        })?;
+        let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
+        let left = counters[LIVING[until as usize % 2] as usize];
+        let (listed, kept) = (total(LIVING[0]) + total(LIVING[1]), total(KEPT));
+        let kept_max = batch.count * (until - start);
+        if left > batch.count || left > listed || listed > kept_max + batch.count || kept > kept_max {
+            return Err(computes_wrongly(&format!(
+                "{} light paths gave {left} living paths, {listed} in all bounces, and {kept} vertices",
+                batch.count,
+            )));
         }
-        Ok(())
+        // A bounce traces one ray per path of its list. Round 0 traces no rays, and the last list is not traced yet.
+        let before = if start == 0 { 0 } else { living };
+        stats.add_light_rays(u64::from(before + listed - left));
+        self.read_back_kept(subpaths, kept as usize, stats)?;
+        stats.timed(stage::READ_LIGHT, || self.collect_kept(batch, kept as usize, sink))?;
+        // The single round of a batch without bounces says nothing about the time of a bounce.
+        if end > 1 && sink.plan.tuning.tile.is_none() {
+            self.rounds = ((f64::from(until - start) * size_factor(seconds)) as u32).clamp(1, self.capacity);
+        }
+        Ok((until, left))
     }
 
     /// Records the given rounds: the start of the paths (round 0) and bounces. `living` paths take part in the first given round.
@@ -236,34 +228,17 @@ impl DeviceLoop {
         Ok(())
     }
 
-    /// Adds the `count` kept vertices to the pool and passes their splats to `visit`, bounce by bounce in the order of the
-    /// paths.
-    fn collect_kept(
-        &self,
-        plan: &Plan,
-        batch: &Batch,
-        count: usize,
-        pool: &mut LightPool,
-        visit: &mut impl FnMut(Contribution),
-    ) -> Result<Tally> {
+    /// Adds the `count` kept vertices to the pool, and reports their splats, bounce by bounce in the order of the paths.
+    fn collect_kept<V: FnMut(Contribution)>(&self, batch: &Batch, count: usize, sink: &mut Sink<'_, V>) -> Result<()> {
         let paths = self.buffers.kept_paths.with::<[u32; 2], _>(count, |paths| paths.to_vec())?;
         let splats = self.buffers.kept_splats.with::<[u32; 4], _>(count, |splats| splats.to_vec())?;
-        let mut tally = Tally::new(plan);
         if paths.iter().any(|&[slot, _]| slot >= batch.count) {
             return Err(computes_wrongly("it kept a vertex of a light path that does not exist"));
         }
         self.buffers.kept_vertices.with::<PathVertex, _>(count, |vertices| {
             for ((vertex, splat), [slot, detail]) in vertices.iter().zip(splats).zip(paths) {
-                if batch.is_stored(plan, slot) {
-                    pool.push(batch.first + slot, vertex, plan.max_depth);
-                }
-                // The first vertex of a path has no splat: sensor subpaths find emitters that are seen directly (s = 0).
-                let depth = vertex.flags & VERTEX_DEPTH;
-                if plan.splats && depth > 0 {
-                    tally.report(splat, f32::from_bits(detail), depth + 1, visit);
-                }
+                sink.add(batch, slot, vertex, splat, f32::from_bits(detail));
             }
-        })?;
-        Ok(tally)
+        })
     }
 }
