@@ -114,6 +114,16 @@ impl Error {
         }
     }
 
+    /// An error of the settings as one of the scene in this file, because the scene may be the cause. Other errors stay as they are.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn in_scene(self, file: Option<&Path>) -> Error {
+        match (self, file) {
+            (Error::Settings(error), Some(path)) => Error::Scene { path: path.into(), message: error.to_string() },
+            (other, _) => other,
+        }
+    }
+
     /// The same error with another message, if it is an error of the device. Other errors stay as they are.
     #[doc(hidden)]
     #[must_use]

@@ -15,6 +15,9 @@
 #![doc = include_str!("../examples/render_file.rs")]
 //! ```
 //!
+//! [`Job::prepare_scan`] measures a scan. [`Job::frames`] opens the frames of a sequence, and [`Job::prepare_after`] prepares one after
+//! the other.
+//!
 //! A [`Renderer`] is the level below: it adds single iterations to a [`Film`].
 //!
 //! Lengths are in metres. Travel times are metres of optical path; the speed of light is 1. The method is Algorithm 1 of the
@@ -54,9 +57,10 @@ pub use gpu::{Device, DeviceInfo, DeviceKind};
 pub use image::exr_file::write_film as write_exr;
 pub use image::film::Film;
 pub use image::response_film::ResponseFilm;
-pub use job::Job;
 pub use job::iterations::End;
 pub use job::ready_job::{Progress, ReadyJob};
+pub use job::ready_scan::ReadyScan;
+pub use job::{Frame, Job};
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{

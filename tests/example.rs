@@ -18,8 +18,8 @@ use taugate::glam::DVec3;
 use taugate::internals::generate::{Kind, build, glb_bytes};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::{
-    Aim, Budget, Camera, End, Error, ErrorKind, Gate, Job, Material, Projection, Response, Responses, Retroreflector,
-    Settings, SkyImage, load_scene,
+    Aim, Budget, Camera, Device, End, Error, ErrorKind, Gate, Job, Material, Projection, Response, Responses,
+    Retroreflector, Settings, SkyImage, load_scene,
 };
 
 /// A scene in `folder`.
@@ -31,12 +31,17 @@ fn room(folder: &Path) -> PathBuf {
 
 /// The image of `taugate render`.
 fn image_of_program(folder: &Path, settings: &[(&str, &str)]) -> Vec<f32> {
-    let (input, out) = (room(folder), folder.join("program.exr"));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
-    command.args(["render", "--quiet"]).arg(input).arg("-o").arg(&out);
-    command.args(settings.iter().flat_map(|(name, text)| [format!("--{name}"), (*text).into()]));
-    assert!(command.status().unwrap().success());
+    let out = folder.join("program.exr");
+    render(&room(folder), &out, settings);
     read_picture(&out).unwrap().rgb
+}
+
+/// Calls `taugate render`.
+fn render(input: &Path, out: &Path, settings: &[(&str, &str)]) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+    command.args(["render", "--quiet"]).arg(input).arg("-o").arg(out);
+    command.args(settings.iter().map(|(name, text)| format!("--{name}={text}")));
+    assert!(command.status().unwrap().success());
 }
 
 #[test]
@@ -107,6 +112,61 @@ fn a_job_of_a_loaded_scene_renders_the_image_of_the_program() {
     assert_eq!(read_picture(&out).unwrap().rgb, image_of_program(folder.path(), &settings));
 }
 
+/// Laser and sensor look at three points of the back wall.
+const SCAN: &str = "scene = 'room.glb'\n[gate]\ngates = '6m..9m/2'\n[render]\nspp = 4\n\
+                    [output]\nvariance = true\n[scan]\nlaser = [0, 1, 3]\npoints = [[0, 1, -0.99], [0.5, 1, -0.99], [0, 0.5, -0.99]]\naccount-first-and-last-bounces = true";
+
+/// The program measures the same array. A scan that was stopped goes on.
+#[test]
+fn a_job_measures_the_scan_of_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    room(folder.path());
+    let (input, own, theirs) =
+        (folder.path().join("scan.toml"), folder.path().join("own.npy"), folder.path().join("theirs.npy"));
+    std::fs::write(&input, SCAN).unwrap();
+    let job = Job::open(&input).unwrap();
+    assert!(job.is_scan());
+    let device = job.open_device().unwrap();
+    let mut scan = job.prepare_scan(&device).unwrap();
+    let stop = Arc::new(AtomicBool::default());
+    let end = scan.run(&stop, |progress| stop.store(progress.fraction > 0.0, Ordering::SeqCst));
+    assert!(matches!(end, Ok(End::Stopped)), "{end:?}");
+    assert_eq!((scan.measured(), scan.points(), scan.is_complete(), scan.dropped()), (1, 3, false, 0));
+    let end = scan.run(&Arc::default(), |_| {}).unwrap();
+    assert!(matches!(end, End::Complete) && scan.is_complete());
+    scan.write_npy(&own).unwrap();
+    render(&input, &theirs, &[]);
+    for part in ["npy", "variance.npy"] {
+        let of = |path: &Path| std::fs::read(path.with_extension(part)).unwrap();
+        assert!(of(&own) == of(&theirs), "{part}");
+    }
+}
+
+/// The frames of a sequence have the images of the program, also those whose renderer rendered another frame before.
+#[test]
+fn a_job_renders_the_frames_of_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = [("frames", "3..5"), ("resolution", "16x12"), ("spp", "4"), ("estimator", "bdpt")];
+    room(folder.path());
+    let input = folder.path().join("frames.toml");
+    let gate = "gate-keys = [[3, '6m..7m'], [4, '7m..9m']]";
+    std::fs::write(&input, format!("scene = 'room.glb'\n[gate]\n{gate}\n")).unwrap();
+    render(&input, &folder.path().join("#.exr"), &settings);
+    let device = Device::open(None).unwrap();
+    let mut before = None;
+    for frame in Job::frames(&input, settings).unwrap() {
+        let number = frame.number;
+        let mut job = frame.open().unwrap().prepare_after(before.take(), &device).unwrap();
+        assert!(matches!(job.run(&Arc::default(), |_| {}).unwrap(), End::Complete));
+        let out = folder.path().join("own.exr");
+        job.write_exr(&out).unwrap();
+        let theirs = read_picture(&folder.path().join(format!("{number}.exr"))).unwrap();
+        assert!(theirs.rgb.iter().any(|&x| x > 0.0) && read_picture(&out).unwrap().rgb == theirs.rgb, "{number}");
+        before = Some(job);
+    }
+    assert_eq!(before.unwrap().film().samples(), 4);
+}
+
 #[test]
 fn a_job_refuses_what_the_program_refuses() {
     let folder = tempfile::tempdir().unwrap();
@@ -124,9 +184,15 @@ fn a_job_refuses_what_the_program_refuses() {
     ] {
         assert!(message(settings).contains(part), "{}", message(settings));
     }
-    let experiment = folder.path().join("scan.toml");
-    std::fs::write(&experiment, "scene = 'room.glb'\n[scan]\nlaser = [0, 1, 0]").unwrap();
-    assert!(matches!(Job::open(&experiment), Err(Error::Settings(_))));
+    let device = Device::open(None).unwrap();
+    let scan = folder.path().join("scan.toml");
+    std::fs::write(&scan, SCAN).unwrap();
+    let image_of_scan = Job::open(&scan).unwrap().prepare(&device).map(drop).unwrap_err().to_string();
+    assert!(image_of_scan.contains("is a scan"), "{image_of_scan}");
+    let scan_of_image = Job::open(&input).unwrap().prepare_scan(&device).map(drop).unwrap_err().to_string();
+    assert!(scan_of_image.contains("is no scan"), "{scan_of_image}");
+    let no_sequence = Job::frames(&input, []).map(drop).unwrap_err().to_string();
+    assert!(no_sequence.contains("is no sequence"), "{no_sequence}");
 
     // Only the render finds that this gate is dark.
     let settings = [("gate", "80m..80.1m"), ("spp", "2"), ("resolution", "8x8")];

@@ -1,7 +1,6 @@
 //! Rendering: devices that all renders of the process share, preparation, and iterations that Python can watch and interrupt.
 
 use std::collections::HashMap;
-use std::mem::take;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -11,16 +10,12 @@ use std::time::Duration;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use taugate::internals::gpu::Device;
-use taugate::internals::image::layers::Layers;
 use taugate::internals::image::response_film::ResponseFilm;
-use taugate::internals::input::resolve::Resolved;
 use taugate::internals::job::iterations::{Abandons, End};
-use taugate::internals::job::preparation::Preparation;
-use taugate::internals::job::ready::{Ready, Wanted};
+use taugate::internals::job::memory;
+use taugate::internals::job::ready::Ready;
 use taugate::internals::job::ready_job::{Progress, ReadyJob};
-use taugate::internals::job::{Job, memory};
 use taugate::internals::settings::Settings;
-use taugate::internals::settings::aov::Aov;
 use taugate::internals::threads::{spawn_scoped, start_pool};
 
 use crate::errors::{Failure, Result};
@@ -70,25 +65,6 @@ pub fn forget_lost() {
     if let Some(devices) = &mut *lock(&DEVICES) {
         devices.retain(|_, device| !device.is_lost());
     }
-}
-
-/// Makes a renderer, or takes over the renderer of the previous render if only cameras, lights, moving surfaces, gates or the seed
-/// differ. The image has the same bits in both cases. Takes the scene of `job`, so that the host does not hold it two times.
-pub fn prepare(before: Option<Ready>, job: &mut Job, has_variance: bool) -> Result<(Ready, Layers)> {
-    let (scene, may_be_dark) = (take(&mut job.scene), job.may_be_dark());
-    let Job { experiment, resolved: Resolved { settings, .. }, .. } = job;
-    let aov = experiment.output.aov.unwrap_or_default();
-    let open = || device(experiment.render.device.as_deref());
-    // A renderer that this render cannot take over is dropped here, so that two copies of the scene are never on the device.
-    let can_follow = |ready: &Ready| aov == Aov::default() && ready.renderer.has_response_variance() == has_variance;
-    if let Some(before) = before.filter(can_follow) {
-        // The renderer `before` needs its device, so this device is usually open.
-        if let Some(ready) = before.follow(&open()?, scene.clone(), settings)? {
-            return Ok((ready, Layers::default()));
-        }
-    }
-    let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance, aov };
-    Ok(Ready::new(scene, settings, &wanted, open, &mut Preparation::start(), &mut |_| {})?)
 }
 
 /// Fails if the images of several gates need more memory than is free. They exist twice at the end: in the renderer, which the next

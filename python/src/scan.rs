@@ -1,18 +1,14 @@
 //! Scans.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use serde_json::Value;
 use taugate::internals::image::array_set::{self, ArraySet, Role, forget_arrays};
-use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::scan_file::ScanArrays;
-use taugate::internals::job::ready_job::Progress;
-use taugate::internals::job::{Job, feasible};
-use taugate::internals::scan::{Measurement, PreparedScan, check_memory, scene_at};
-use taugate::internals::settings::Sampling;
+use taugate::internals::job::Job;
+use taugate::internals::job::ready_scan::ReadyScan;
 
 use crate::engine::{self, early_end, watched};
 use crate::errors::{Failure, Result, settings as mistake, shown};
@@ -33,7 +29,7 @@ pub fn scan<'py>(
     flags: Vec<Words>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Option<Arrays<'py>>, Vec<String>, Option<PyErr>)> {
-    let result = py.detach(|| run(&scene.job(&flags)?, progress.as_ref()));
+    let result = py.detach(|| run(scene.job(&flags)?, progress.as_ref()));
     engine::forget_lost();
     let Measured { arrays, warnings, interrupt } = result?;
     let arrays = arrays.map(|(ScanArrays { shape, means, variances }, description)| {
@@ -89,55 +85,25 @@ struct Measured {
     interrupt: Option<PyErr>,
 }
 
-fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
-    let Job { experiment, scene, resolved, .. } = job;
-    let Some(table) = &experiment.scan else {
+fn run(job: Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
+    if !job.is_scan() {
         return Err(mistake("this is no scan; load an experiment (.toml) with a table [scan]"));
-    };
-    if experiment.output.aov.is_some() {
+    }
+    if job.experiment.output.aov.is_some() {
         return Err(mistake(
             "the program writes the layers of a scan (aov): taugate render SCAN.toml --aov all -o scan.npy",
         ));
     }
-    let scan = table.scan().map_err(mistake)?;
-    let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
-    let has_variance = experiment.output.variance.unwrap_or(false);
-    check_memory(&scan, &settings, has_variance)?;
-
-    let ready = PreparedScan::new(&scan, scene.clone(), &settings)?;
-    let (of_scene, darkest) = ready.warnings(&scan, &settings);
-    let device = engine::device(experiment.render.device.as_deref())?;
-    let mut measurement = Measurement::new(&device, &scan, ready, has_variance)?;
-
-    let strict = experiment.render.strict.unwrap_or(false);
-    let (started, count) = (Instant::now(), scan.laser_points.len());
+    let device = job.experiment.render.device.clone();
+    let mut scan = ReadyScan::new(job, || engine::device(device.as_deref()), &mut |_| {})?;
     let (end, failure) = watched(progress, |steps, stop| {
-        measurement.run(strict, stop, |measurement| {
-            let fraction = measurement.measured() as f64 / count as f64;
-            let seconds = started.elapsed().as_secs_f64();
-            // `watched` keeps the receiver until this thread ends, so this cannot fail.
-            let _ = steps.send(Progress { fraction, samples: measurement.samples(), seconds });
+        // `watched` keeps the receiver until this thread ends, so this cannot fail.
+        scan.run(stop, |progress| {
+            let _ = steps.send(*progress);
         })
     })?;
-    let interrupt = early_end(end, failure, &device, measurement.measured() > 0)?;
-    let (measured, samples, is_whole) = (measurement.measured(), measurement.samples(), measurement.is_whole());
-    let dropped = measurement.renderer().stats().dropped;
-    let film = measurement.into_film();
-    if is_whole && film.is_black() && !experiment.gate.force.unwrap_or(false) {
-        let scene = scene_at(scene.clone(), &scan, &settings, darkest);
-        return Err(feasible::nothing_inside(&device, &scene, &settings).into());
-    }
-    let mut arrays = None;
-    if measured > 0 {
-        let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), job.config().to_toml());
-        let description = film.description(table, &scan, measured, samples, None, &provenance);
-        let description = serde_json::to_string_pretty(&description)
-            .map_err(|e| mistake(format!("the scan cannot be described: {e}")))?;
-        arrays = Some((film.into_arrays(&scan), description));
-    }
-    let mut warnings = [job.warnings(), of_scene].concat();
-    if dropped > 0 {
-        warnings.push(format!("{dropped} samples were not finite and count as 0"));
-    }
-    Ok(Measured { arrays, warnings, interrupt: interrupt.filter(|_| !is_whole) })
+    let has_result = scan.measured() > 0;
+    let interrupt = early_end(end, failure, scan.device(), has_result)?.filter(|_| !scan.is_complete());
+    let warnings = scan.warnings();
+    Ok(Measured { arrays: has_result.then(|| scan.into_arrays()), warnings, interrupt })
 }

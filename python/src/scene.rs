@@ -12,6 +12,7 @@ use pyo3::types::PyDict;
 use taugate::internals::image::fingerprint;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::emitting_nodes;
+use taugate::internals::job::ready_job::ReadyJob;
 use taugate::internals::job::{Job, memory};
 use taugate::internals::render::{Renderer, object_ids};
 use taugate::internals::scene::gltf;
@@ -221,12 +222,12 @@ impl NativeScene {
         work: impl FnOnce(&mut Renderer, &Settings, Experiment) -> Result<T>,
     ) -> Result<T> {
         let mut state = self.state()?;
-        let mut job = state.job(flags)?;
-        let (config, settings) = (job.config(), &job.resolved.settings.clone());
+        let job = state.job(flags)?;
+        let (device, settings) = (job.experiment.render.device.clone(), &job.resolved.settings.clone());
         let has_variance = settings.responses().len() > 1 && job.experiment.output.variance.unwrap_or(false);
         memory::check(settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
-        let before = state.ready.take();
-        let result = engine::prepare(before, &mut job, has_variance).and_then(|(mut ready, _)| {
+        let ready = job.ready(state.ready.take(), has_variance, || engine::device(device.as_deref()));
+        let result = ready.map_err(Failure::from).and_then(|ReadyJob { mut ready, config, .. }| {
             let result = work(&mut ready.renderer, settings, config)?;
             state.ready = Some(ready);
             Ok(result)

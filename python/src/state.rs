@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use glam::DAffine3;
 use pyo3::prelude::*;
@@ -92,7 +91,7 @@ impl State {
         single: bool,
         progress: Option<&Py<PyAny>>,
     ) -> Result<(Image, Option<PyErr>)> {
-        let mut job = self.job(flags)?;
+        let job = self.job(flags)?;
         let (config, mut notes) = (job.config(), job.notes.clone());
         let (experiment, settings) = (job.experiment.clone(), &job.resolved.settings.clone());
         let count = settings.responses().len();
@@ -113,22 +112,12 @@ impl State {
         let wanted = flags::experiment(flags)?.output;
         let is_in_files = experiment.scene.is_some() && self.moved.is_empty();
         let in_files = is_in_files.then(|| config.clone());
-        let mut sums = sum_files(&wanted, in_files, settings, has_variance)?;
-        let (mut ready, mut layers) = engine::prepare(self.ready.take(), &mut job, has_variance)?;
-        if let Some((line, note)) = sums.resume(&mut ready.renderer, &mut layers, settings, Shard::ALL)? {
+        let sums = sum_files(&wanted, in_files, settings, has_variance)?;
+        let open = || engine::device(experiment.render.device.as_deref());
+        let mut job = job.ready(self.ready.take(), has_variance, open)?;
+        if let Some((line, note)) = job.continue_sums(sums, Shard::ALL)? {
             notes.extend([line].into_iter().chain(note));
         }
-        let mut job = ReadyJob {
-            ready,
-            layers,
-            sums,
-            shard: Shard::ALL,
-            config: config.clone(),
-            may_be_dark: job.may_be_dark(),
-            strict: experiment.render.strict.unwrap_or(false),
-            warnings: job.warnings(),
-            elapsed: Duration::ZERO,
-        };
         let interrupt = engine::iterate(&mut job, progress)?;
         let mut warnings: Vec<String> = job.warnings().map(String::from).collect();
         // The image must not be lost with the file.

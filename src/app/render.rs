@@ -41,7 +41,7 @@ use super::strategies::StrategyRender;
 use super::{compiling, pace, strategies};
 use crate::app::cli::RenderArgs;
 pub use errors::NotFinite;
-use errors::{failure, with_saved_results, with_scene_path};
+use errors::{failure, with_saved_results};
 pub use outputs::check_inputs;
 use outputs::check_outputs;
 
@@ -59,8 +59,8 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if !quiet && std::io::stderr().is_terminal() {
         compiling::announce()?;
     }
-    if let Some(table) = experiment.scan.clone() {
-        return scan::run(&table, experiment, &mut Session::new(quiet)?);
+    if experiment.scan.is_some() {
+        return scan::run(experiment, &mut Session::new(quiet)?);
     }
     let sequence = Sequence::new(&experiment, || read::end_of_animations(&experiment))?;
     let mut session = Session::new(quiet)?;
@@ -125,10 +125,10 @@ impl Session {
         let mut preparation = Preparation::start();
         let scene = preparation.timed("load scene", || read::scene(&experiment))?;
         // All frames have the same settings, so a mistake in one frame is one of its scene.
-        let of_frame = |error| if self.is_sequence { with_scene_path(error, &scene_path) } else { error };
+        let of_frame = |error: taugate::Error| error.in_scene(Some(&*scene_path).filter(|_| self.is_sequence));
         let job = Job::new(experiment, scene).map_err(of_frame)?;
         let (config, warnings, may_be_dark) = (job.config(), job.warnings(), self.is_sequence || job.may_be_dark());
-        let Job { experiment, scene, resolved, notes } = job;
+        let Job { experiment, scene, resolved, notes, .. } = job;
         let settings = &resolved.settings;
         let shard = sums.shard(experiment.output.shard)?;
         resolve::check_shard(shard, &outputs)?;

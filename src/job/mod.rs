@@ -8,6 +8,7 @@ pub mod preparation;
 pub mod read;
 pub mod ready;
 pub mod ready_job;
+pub mod ready_scan;
 pub mod sum_files;
 pub mod sums;
 
@@ -16,20 +17,23 @@ use std::time::Duration;
 
 use crate::error::{Error, Result};
 use crate::gpu::Device;
+use crate::image::layers::Layers;
 use crate::input::experiment::Experiment;
 use crate::input::resolve::{self, Resolved};
 use crate::input::sequence::Sequence;
 use crate::input::{named, scenery};
 use crate::scene::Scene;
 use crate::settings::Settings;
+use crate::settings::aov::Aov;
 use crate::settings::shard::Shard;
 
 use preparation::Preparation;
 use ready::{Ready, Wanted};
 use ready_job::ReadyJob;
+use ready_scan::ReadyScan;
 use sum_files::SumFiles;
 
-/// A render with all settings resolved: those of an experiment file, of a scene file, or of a program.
+/// A render, or a scan, with all settings resolved: those of an experiment file, of a scene file, or of a program.
 ///
 /// A job renders the same image as `taugate render` with the same settings, bit for bit, and makes the same checks before it. It writes no
 /// file by itself: outputs that an experiment file names are ignored.
@@ -46,12 +50,33 @@ pub struct Job {
     /// See [`Job::notes`].
     #[doc(hidden)]
     pub notes: Vec<String>,
+    /// Whether the job is one of [`Job::frames`].
+    #[doc(hidden)]
+    pub is_frame: bool,
+}
+
+/// A frame of a sequence: see [`Job::frames`].
+#[warn(missing_docs)]
+pub struct Frame {
+    /// The number of the frame.
+    pub number: u32,
+    experiment: Experiment,
+}
+
+impl Frame {
+    /// Reads the scene in its pose at the time of the frame. A black image is accepted, because light may come in at another frame.
+    /// Fails as [`Job::open`], and if the scene cannot be rendered at this time.
+    pub fn open(self) -> Result<Job> {
+        let scene = read::scene(&self.experiment)?;
+        Ok(Job { is_frame: true, ..Job::new(self.experiment, scene)? })
+    }
 }
 
 #[warn(missing_docs)]
 impl Job {
     /// Opens an experiment (`.toml`), or a scene (`.glb`, `.gltf`) with default settings, and reads the scene. Fails if a file cannot
-    /// be read or is not valid, if settings contradict each other or the scene, or if the experiment is a scan.
+    /// be read or is not valid, if settings contradict each other or the scene, or if the experiment is a sequence of frames
+    /// ([`Job::frames`]).
     pub fn open(path: impl AsRef<Path>) -> Result<Job> {
         Job::open_with(path, [])
     }
@@ -64,23 +89,30 @@ impl Job {
         path: impl AsRef<Path>,
         settings: impl IntoIterator<Item = (&'a str, &'a str)>,
     ) -> Result<Job> {
-        let mut typed = Experiment::default();
-        settings.into_iter().try_for_each(|(name, text)| named::set(&mut typed, name, Some(text)))?;
-        let experiment = read::experiment(path.as_ref().into(), typed)?;
-        experiment.check_paths()?;
-        if experiment.scan.is_some() {
-            return Err(Error::settings(
-                "this experiment is a scan, and no single image; measure it with taugate render",
-            ));
-        }
+        let experiment = read_with(path.as_ref(), settings)?;
         if Sequence::new(&experiment, || Ok(Some(0.0)))?.is_some() {
             return Err(Error::advice(
                 "this experiment is a sequence of frames; ",
-                "remove frames, and choose one of them with at",
+                "remove frames and choose one of them with at, or open all of them with Job::frames",
             ));
         }
         let scene = read::scene(&experiment)?;
         Job::new(experiment, scene)
+    }
+
+    /// The frames of a sequence: an experiment, or a scene and further settings as for [`Job::open_with`], with the setting `frames`.
+    /// With `shard`, only those of this shard. [`Job::prepare_after`] is the fast way from one frame to the next. Fails if the
+    /// experiment is no sequence, if its settings do not suit one, or if a file cannot be read.
+    pub fn frames<'a>(
+        path: impl AsRef<Path>,
+        settings: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<impl Iterator<Item = Frame>> {
+        let experiment = read_with(path.as_ref(), settings)?;
+        let Some(sequence) = Sequence::new(&experiment, || read::end_of_animations(&experiment))? else {
+            return Err(Error::advice("this experiment is no sequence: ", "add frames, such as 0..24"));
+        };
+        let numbers: Vec<u32> = sequence.own_frames().collect();
+        Ok(numbers.into_iter().map(move |number| Frame { number, experiment: sequence.frame(number) }))
     }
 
     /// A job for a scene that a program has built or loaded. It has the seed, the estimator and all else of `settings`. A gated render
@@ -101,7 +133,7 @@ impl Job {
         let mut resolved = resolve::resolve_with(&experiment, &scene, responses)?;
         // Two cameras may have the same name.
         resolved.settings = resolved.settings.change().camera(camera).build()?;
-        Ok(Job { experiment, scene, resolved, notes })
+        Ok(Job { experiment, scene, resolved, notes, is_frame: false })
     }
 
     /// Adds the cameras and lights of `experiment` to `scene`, and fills in all settings. Fails if they contradict each other or the
@@ -110,7 +142,7 @@ impl Job {
     pub fn new(mut experiment: Experiment, mut scene: Scene) -> Result<Job> {
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
-        Ok(Job { experiment, scene, resolved, notes })
+        Ok(Job { experiment, scene, resolved, notes, is_frame: false })
     }
 
     /// The scene, with the cameras and lights that the settings add.
@@ -146,10 +178,10 @@ impl Job {
         Experiment { output: Default::default(), ..config }
     }
 
-    /// Whether a black image is accepted: the user wants it, or there is no gate that could miss the light.
+    /// Whether a black image is accepted: the user wants it, there is no gate that could miss the light, or other frames have light.
     #[doc(hidden)]
     pub fn may_be_dark(&self) -> bool {
-        self.experiment.gate.force.unwrap_or(false) || self.resolved.settings.responses().are_steady()
+        self.is_frame || self.experiment.gate.force.unwrap_or(false) || self.resolved.settings.responses().are_steady()
     }
 
     /// Opens the device that the setting `device` names, or else the best one. Fails if there is none.
@@ -157,21 +189,68 @@ impl Job {
         Device::open(self.experiment.render.device.as_deref())
     }
 
+    /// Whether the job is a scan, which [`Job::prepare_scan`] prepares. An experiment file with a table `[scan]` is one.
+    pub fn is_scan(&self) -> bool {
+        self.experiment.scan.is_some()
+    }
+
     /// Prepares the scene on a device: builds the BVH, compiles kernels, and renders auxiliary layers if the setting `aov` wants them.
     ///
     /// Fails if the gate can meet no light, unless the settings have `force`; the error says when light arrives. Fails if the memory
-    /// of the host or of the device does not suffice, if the scene or the settings do not allow a render, or if the device is lost.
+    /// of the host or of the device does not suffice, if the scene or the settings do not allow a render, if the device is lost, or if
+    /// the job is a scan.
     pub fn prepare(self, device: &Device) -> Result<ReadyJob> {
+        let mut job = self.prepare_after(None, device)?;
+        // Only a later job needs it.
+        job.ready.prepared = None;
+        Ok(job)
+    }
+
+    /// As [`Job::prepare`], for one job of a series. Takes over the renderer of the job `before`, which this function has prepared, if
+    /// only cameras, lights, positions of moving surfaces, gates or the seed differ, as in most sequences. The image has the same bits in
+    /// both cases. The scene stays in the memory of the host for the next job.
+    pub fn prepare_after(self, before: Option<ReadyJob>, device: &Device) -> Result<ReadyJob> {
+        let free = memory::free_without(before.as_ref().and_then(ReadyJob::responses));
         // As for an image file, which has variances.
-        memory::check(self.settings(), memory::ImageParts { variance: true, exr: true }, memory::free())?;
+        memory::check(self.settings(), memory::ImageParts { variance: true, exr: true }, free)?;
+        self.ready(before.map(|job| job.ready), true, || Ok(device.clone()))
+    }
+
+    /// Prepares a scan on a device. Fails if the job is no scan, if the memory of the host or of the device does not suffice, if the
+    /// scene or the settings do not allow a scan, or if the device is lost.
+    pub fn prepare_scan(self, device: &Device) -> Result<ReadyScan> {
+        ReadyScan::new(self, || Ok(device.clone()), &mut |_| {})
+    }
+
+    /// Makes a renderer, or takes over the renderer of the previous render. `has_variance`: whether several responses have variances.
+    /// `open` opens the device.
+    #[doc(hidden)]
+    pub fn ready(
+        self,
+        before: Option<Ready>,
+        has_variance: bool,
+        open: impl Fn() -> Result<Device>,
+    ) -> Result<ReadyJob> {
+        if self.is_scan() {
+            return Err(Error::advice("this experiment is a scan: ", "measure its points instead of an image"));
+        }
         let (config, warnings, may_be_dark) = (self.config(), self.warnings(), self.may_be_dark());
         let Job { experiment, scene, resolved: Resolved { settings, .. }, .. } = self;
         let aov = experiment.output.aov.unwrap_or_default();
-        let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance: true, aov };
-        let (mut ready, layers) =
-            Ready::new(scene, &settings, &wanted, || Ok(device.clone()), &mut Preparation::start(), &mut |_| {})?;
-        // Only another frame could use it.
-        ready.prepared = None;
+        // A renderer that this render cannot take over is dropped here, so that two copies of the scene are never on the device.
+        let has_variances = has_variance && !settings.responses().is_single_box();
+        let can_follow =
+            |ready: &Ready| aov == Aov::default() && ready.renderer.has_response_variance() == has_variances;
+        let followed = match before.filter(can_follow) {
+            // The renderer `before` needs its device, so this device is usually open.
+            Some(before) => before.follow(&open()?, scene.clone(), &settings)?,
+            None => None,
+        };
+        let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance, aov };
+        let (ready, layers) = match followed {
+            Some(ready) => (ready, Layers::default()),
+            None => Ready::new(scene, &settings, &wanted, open, &mut Preparation::start(), &mut |_| {})?,
+        };
         Ok(ReadyJob {
             ready,
             layers,
@@ -184,4 +263,13 @@ impl Job {
             elapsed: Duration::ZERO,
         })
     }
+}
+
+/// The experiment in the file `path`, or of the scene in this file, with further settings.
+fn read_with<'a>(path: &Path, settings: impl IntoIterator<Item = (&'a str, &'a str)>) -> Result<Experiment> {
+    let mut typed = Experiment::default();
+    settings.into_iter().try_for_each(|(name, text)| named::set(&mut typed, name, Some(text)))?;
+    let experiment = read::experiment(path.into(), typed)?;
+    experiment.check_paths()?;
+    Ok(experiment)
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::feasible;
 use super::preparation::Preparation;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Device;
 use crate::image::layers::Layers;
 use crate::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light, sheets};
@@ -49,10 +49,7 @@ impl Ready {
         say: &mut dyn FnMut(&str),
     ) -> Result<(Ready, Layers)> {
         let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
-        let prepared = prepared.map_err(|error| match (error, wanted.path) {
-            (Error::Settings(error), Some(path)) => Error::Scene { path: path.into(), message: error.to_string() },
-            (other, _) => other,
-        })?;
+        let prepared = prepared.map_err(|error| error.in_scene(wanted.path))?;
         let mut warnings = preparation.timed("check lamps", || prepared.scene_warnings(&scene, settings));
         let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
         warnings.iter().chain(&missing).for_each(|warning| say(warning));

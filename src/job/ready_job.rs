@@ -106,11 +106,18 @@ impl ReadyJob {
         let shard = sums.shard(None)?;
         sums.identify(Identity::new(self.config.clone(), &settings, shard)?);
         sums.check(self.ready.renderer.has_response_variance())?;
-        if let Some((_, note)) = sums.resume(&mut self.ready.renderer, &mut self.layers, &settings, shard)? {
-            self.warnings.extend(note);
-        }
-        (self.sums, self.shard) = (sums, shard);
+        let continued = self.continue_sums(sums, shard)?;
+        self.warnings.extend(continued.and_then(|(_, note)| note));
         Ok(())
+    }
+
+    /// Continues the sums of earlier processes, if there are any. See [`SumFiles::resume`].
+    #[doc(hidden)]
+    pub fn continue_sums(&mut self, mut sums: SumFiles, shard: Shard) -> Result<Option<(String, Option<String>)>> {
+        let Ready { renderer, settings, .. } = &mut self.ready;
+        let lines = sums.resume(renderer, &mut self.layers, settings, shard)?;
+        (self.sums, self.shard) = (sums, shard);
+        Ok(lines)
     }
 
     /// Renders until the budget of the settings is used, or until `stop` is true. Calls `watch` after each iteration, which takes from

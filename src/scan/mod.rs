@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::error::{ErrorKind, Result};
 use crate::gpu::Device;
-use crate::image::scan_file::ScanFilm;
+use crate::image::scan_file::{ScanArrays, ScanFilm};
 use crate::image::scan_layers::{Hit, ScanLayers};
 use crate::input::scan_table::Scan;
 use crate::job::iterations::{Abandons, End, Iterations};
@@ -100,8 +100,9 @@ pub fn check_memory(scan: &Scan, settings: &Settings, has_variance: bool) -> Res
 }
 
 /// A scan in progress.
-pub struct Measurement<'a> {
-    scan: &'a Scan,
+pub struct Measurement {
+    /// The scan that is measured.
+    pub scan: Scan,
     of: PreparedScan,
     renderer: Renderer,
     film: ScanFilm,
@@ -109,18 +110,18 @@ pub struct Measurement<'a> {
     samples: u64,
 }
 
-impl<'a> Measurement<'a> {
+impl Measurement {
     /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`]. Also fails if a point of the scan must lie on a surface
     /// but does not.
-    pub fn new(device: &Device, scan: &'a Scan, of: PreparedScan, has_variance: bool) -> Result<Measurement<'a>> {
+    pub fn new(device: &Device, scan: Scan, of: PreparedScan, has_variance: bool) -> Result<Measurement> {
         let memory = MemoryPlan::new(&of.scene, &of.settings, &of.prepared, Some(device.info()))?;
         memory.check(device.info())?;
-        of.check_points(device, scan)?;
+        of.check_points(device, &scan)?;
         let mut renderer = Renderer::from_memory_plan(device, memory, &of.scene, &of.prepared)?;
         if has_variance {
             renderer.estimate_response_variance();
         }
-        let film = ScanFilm::new(scan, of.settings.responses().len(), has_variance);
+        let film = ScanFilm::new(&scan, of.settings.responses().len(), has_variance);
         Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0 })
     }
 
@@ -171,9 +172,9 @@ impl<'a> Measurement<'a> {
         (&self.of.scene, &self.of.settings)
     }
 
-    /// The measurements, for Python.
-    pub fn into_film(self) -> ScanFilm {
-        self.film
+    /// The measurements as arrays, for Python.
+    pub fn into_arrays(self) -> ScanArrays {
+        self.film.into_arrays(&self.scan)
     }
 
     /// Measures point after point until `stop` is true, and calls `watch` after each of them. `strict`: also ends if a sample is not

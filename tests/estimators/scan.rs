@@ -225,11 +225,11 @@ fn beams_that_share_a_render_have_the_bits_of_single_beams() {
             let settings = settings(estimator, [1, 1]).max_depth(2).seed(7).budget(Budget::Spp(64));
             let settings = settings.responses(responses.clone()).build().unwrap();
             let prepared = PreparedScan::new(&scan, scene.clone(), &settings).unwrap();
-            let mut measurement = Measurement::new(&device(), &scan, prepared, true).unwrap();
+            let mut measurement = Measurement::new(&device(), scan.clone(), prepared, true).unwrap();
             let mut renders = 0;
             measurement.run(false, &Arc::default(), |_| renders += 1).unwrap();
             assert!(renders == 1 && measurement.is_whole(), "one render has all beams");
-            let together = measurement.into_film().into_arrays(&scan);
+            let together = measurement.into_arrays();
 
             let single = |number: usize, seed: u32| {
                 let mut scene = scene.clone();

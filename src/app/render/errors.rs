@@ -1,7 +1,5 @@
 //! Errors of renders.
 
-use std::path::Path;
-
 use taugate::Error;
 use taugate::internals::job::iterations::End;
 
@@ -24,12 +22,4 @@ pub fn failure(end: End) -> Result<Option<Error>, NotFinite> {
 /// Appends to the message of a device error that the files hold `results`, from before the error. Other errors stay the same.
 pub fn with_saved_results(error: Error, results: &str) -> Error {
     error.map_device_message(|message| format!("{message}; the files hold {results}"))
-}
-
-/// Names the scene's file in an error of the settings, because the scene may be the cause.
-pub fn with_scene_path(error: Error, scene: &Path) -> Error {
-    match error {
-        Error::Settings(error) => Error::Scene { path: scene.into(), message: error.to_string() },
-        other => other,
-    }
 }
