@@ -6,7 +6,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
-use crate::settings::numbers::Numbers;
+use crate::settings::numbers::{Numbers, number};
 use crate::settings::setting::value_from_text;
 use crate::settings::typed::{Typed, typed};
 use crate::settings::units::length;
@@ -56,51 +56,21 @@ typed! { Coefficient, "expected a number, a list of numbers, or text":
     Typed::List(list) => Coefficient::new(&list, &format!("{list:?}")),
 }
 
-/// Declares a number in a range, as a value of a setting.
-macro_rules! number {
-    ($(#[$doc:meta])* $name:ident, $range:pat, $what:literal) => {
-        $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-        pub struct $name(pub f64);
-
-        impl FromStr for $name {
-            type Err = Error;
-
-            fn from_str(text: &str) -> Result<$name> {
-                match text.trim().parse::<f64>() {
-                    Ok(number) if matches!(number, $range) => Ok($name(number)),
-                    _ => Err(Error::settings(format!(concat!("'{}' is not ", $what), text))),
-                }
-            }
-        }
-
-        typed! { $name, "expected a number, a list of numbers, or text":
-            Typed::Text(text) => text.parse(),
-            Typed::Number(number) => number.to_string().parse(),
-            Typed::List(list) => format!("{list:?}").parse(),
-        }
-    };
-}
-
-number! {
+number! { "expected a number, a list of numbers, or text":
     /// A share from 0 to 1.
-    Share, 0.0..=1.0, "a share: write a number from 0 to 1, like 0.99"
-}
-number! {
+    Share, |share| (0.0..=1.0).contains(&share), "a share", "write a number from 0 to 1, like 0.99";
+
     /// The mean cosine of a scattering lobe, between -1 and 1.
-    MeanCosine, -0.999..=0.999, "a mean cosine: write a number from -0.999 to 0.999, like 0.8"
-}
-number! {
+    MeanCosine, |g| (-0.999..=0.999).contains(&g), "a mean cosine", "write a number from -0.999 to 0.999, like 0.8";
+
     /// The parameter alpha of a lobe of Draine.
-    Alpha, 0.0..=1e6, "an alpha of Draine: write a number from 0 to 1000000, like 20"
-}
-number! {
+    Alpha, |alpha| (0.0..=1e6).contains(&alpha), "an alpha of Draine", "write a number from 0 to 1000000, like 20";
+
     /// An index of refraction, or a group index.
-    RefractiveIndex, 1.0..=5.0, "an index of refraction: write a number from 1 to 5, like 1.33"
-}
-number! {
+    RefractiveIndex, |n| (1.0..=5.0).contains(&n), "an index of refraction", "write a number from 1 to 5, like 1.33";
+
     /// The diameter of water droplets in micrometres.
-    DropletDiameter, 5.0..=50.0, "a droplet diameter: write a number of micrometres from 5 to 50, like 15"
+    DropletDiameter, |d| (5.0..=50.0).contains(&d), "a droplet diameter", "write a number of micrometres from 5 to 50, like 15";
 }
 
 /// A length in metres, more than 0, that the user writes with its unit.
@@ -168,7 +138,7 @@ impl<'de> Deserialize<'de> for Bounds {
     }
 }
 
-value_from_text!(Coefficient, Share, MeanCosine, Alpha, DropletDiameter, RefractiveIndex, Distance, Bounds);
+value_from_text!(Coefficient, Distance, Bounds);
 
 #[cfg(test)]
 mod tests {

@@ -61,28 +61,45 @@ impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
     }
 }
 
-/// A vertical field of view in degrees, more than 0 and less than 180.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fov(pub f64);
+/// Declares settings that are a number in a range: a name, the test of the range, what the number is, and the remedy. `$expected`: the
+/// message for a value of another type.
+macro_rules! number {
+    ($expected:literal: $($(#[$doc:meta])* $name:ident, $range:expr, $what:literal, $remedy:literal;)+) => {$(
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+        pub struct $name(pub f64);
 
-impl Fov {
-    fn new(degrees: Option<f64>, text: &str) -> Result<Fov> {
-        degrees.filter(|&degrees| degrees > 0.0 && degrees < 180.0).map(Fov).ok_or_else(|| {
-            Error::advice(format!("'{text}' is not a field of view: "), "write degrees between 0 and 180, like 40")
-        })
-    }
+        impl std::str::FromStr for $name {
+            type Err = $crate::error::Error;
+
+            fn from_str(text: &str) -> Result<$name, Self::Err> {
+                let is_in_range: fn(f64) -> bool = $range;
+                match text.trim().parse() {
+                    Ok(number) if is_in_range(number) => Ok($name(number)),
+                    _ => Err(Self::Err::advice(format!(concat!("'{}' is not ", $what, ": "), text), $remedy)),
+                }
+            }
+        }
+
+        $crate::settings::typed::typed! { $name, $expected:
+            $crate::settings::typed::Typed::Text(text) => text.parse(),
+            $crate::settings::typed::Typed::Number(number) => number.to_string().parse(),
+            $crate::settings::typed::Typed::List(list) => format!("{list:?}").parse(),
+        }
+
+        $crate::settings::setting::value_from_text!($name);
+    )+};
+}
+pub(super) use number;
+
+number! { "expected a number of degrees, like 40":
+    /// A vertical field of view in degrees, more than 0 and less than 180.
+    Fov, |degrees| degrees > 0.0 && degrees < 180.0, "a field of view", "write degrees between 0 and 180, like 40";
 }
 
-/// The height of an orthographic view in metres, finite and more than 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Height(pub f64);
-
-impl Height {
-    fn new(metres: Option<f64>, text: &str) -> Result<Height> {
-        metres.filter(|&metres| metres > 0.0 && metres.is_finite()).map(Height).ok_or_else(|| {
-            Error::advice(format!("'{text}' is not the height of a view: "), "write metres above 0, like 2.5")
-        })
-    }
+number! { "expected a number of metres, like 2.5":
+    /// The height of an orthographic view in metres, finite and more than 0.
+    Height, |metres| metres > 0.0 && metres.is_finite(), "the height of a view", "write metres above 0, like 2.5";
 }
 
 /// The radiant intensity of the headlamp.
@@ -107,22 +124,6 @@ impl Headlamp {
     }
 }
 
-impl FromStr for Fov {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Fov> {
-        Fov::new(text.trim().parse().ok(), text)
-    }
-}
-
-impl FromStr for Height {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Height> {
-        Height::new(text.trim().parse().ok(), text)
-    }
-}
-
 impl FromStr for Headlamp {
     type Err = Error;
 
@@ -134,18 +135,6 @@ impl FromStr for Headlamp {
     }
 }
 
-impl Serialize for Fov {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_f64(self.0)
-    }
-}
-
-impl Serialize for Height {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_f64(self.0)
-    }
-}
-
 impl Serialize for Headlamp {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match *self {
@@ -153,16 +142,6 @@ impl Serialize for Headlamp {
             Headlamp::Intensity(watts) => serializer.serialize_f64(watts),
         }
     }
-}
-
-typed! { Fov, "expected a number of degrees, like 40":
-    Typed::Number(degrees) => Fov::new(Some(degrees), &degrees.to_string()),
-    Typed::Text(text) => text.parse(),
-}
-
-typed! { Height, "expected a number of metres, like 2.5":
-    Typed::Number(metres) => Height::new(Some(metres), &metres.to_string()),
-    Typed::Text(text) => text.parse(),
 }
 
 typed! { Headlamp, "expected true or an intensity in W/sr":
@@ -218,7 +197,7 @@ impl<'de> Deserialize<'de> for Lamps {
     }
 }
 
-value_from_text!(Numbers<2>, Numbers<3>, Numbers<12>, Fov, Height, Headlamp, Lamps {
+value_from_text!(Numbers<2>, Numbers<3>, Numbers<12>, Headlamp, Lamps {
     fn and(self, later: Lamps) -> Lamps {
         Lamps([self.0, later.0].concat())
     }

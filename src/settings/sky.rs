@@ -3,12 +3,12 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::SettingsError;
 use crate::files::has_extension;
-use crate::settings::setting::{Value, value_from_text};
+use crate::settings::numbers::number;
+use crate::settings::setting::Value;
 use crate::settings::typed::{Typed, typed};
 
 /// Where the light of the sky comes from.
@@ -85,37 +85,10 @@ typed! { Sky, "expected a radiance like 1 or [0.4, 0.6, 1], or the name of an im
     Typed::Text(text) => Sky::parse(text.as_ref()).map_err(|e| e.to_string()),
 }
 
-/// A factor on the radiance of the sky, finite and more than 0.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(transparent)]
-pub struct SkyScale(pub f64);
-
-impl SkyScale {
-    fn new(factor: f64) -> Result<SkyScale, String> {
-        match factor.is_finite() && factor > 0.0 {
-            true => Ok(SkyScale(factor)),
-            false => Err(format!("the sky has a factor of {factor}: write a number above 0")),
-        }
-    }
+number! { "expected a number, like 2.5":
+    /// A factor on the radiance of the sky, finite and more than 0.
+    SkyScale, |factor| factor > 0.0 && factor.is_finite(), "a factor of the sky", "write a number above 0, like 2.5";
 }
-
-impl std::str::FromStr for SkyScale {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<SkyScale, String> {
-        SkyScale::new(
-            text.trim().parse().map_err(|_| format!("'{text}' is not a number: write one above 0, like 2.5"))?,
-        )
-    }
-}
-
-impl<'de> Deserialize<'de> for SkyScale {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        SkyScale::new(f64::deserialize(deserializer)?).map_err(D::Error::custom)
-    }
-}
-
-value_from_text!(SkyScale);
 
 #[cfg(test)]
 mod tests {
@@ -135,7 +108,7 @@ mod tests {
             assert!(parse(bad).unwrap_err().to_string().contains("above 0"), "{bad}");
         }
         for bad in ["0", "-1", "inf", "NaN", "x"] {
-            assert!(bad.parse::<SkyScale>().unwrap_err().contains("above 0"), "{bad}");
+            assert!(bad.parse::<SkyScale>().unwrap_err().to_string().contains("above 0"), "{bad}");
         }
     }
 
