@@ -12,6 +12,7 @@ use pyo3::types::PyDict;
 use taugate::internals::image::fingerprint;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::emitting_nodes;
+use taugate::internals::job::preparation::Preparation;
 use taugate::internals::job::ready_job::ReadyJob;
 use taugate::internals::job::{Job, memory};
 use taugate::internals::render::{Renderer, object_ids};
@@ -226,7 +227,8 @@ impl NativeScene {
         let (device, settings) = (job.experiment.render.device.clone(), &job.resolved.settings.clone());
         let has_variance = settings.responses().len() > 1 && job.experiment.output.variance.unwrap_or(false);
         memory::check(settings, memory::ImageParts { variance: has_variance, exr: false }, memory::free())?;
-        let ready = job.ready(state.ready.take(), has_variance, || engine::device(device.as_deref()));
+        let (before, open) = (state.ready.take(), || engine::device(device.as_deref()));
+        let ready = job.ready(before, has_variance, open, &mut Preparation::start(), &mut |_| {});
         let result = ready.map_err(Failure::from).and_then(|ReadyJob { mut ready, config, .. }| {
             let result = work(&mut ready.renderer, settings, config)?;
             state.ready = Some(ready);

@@ -9,6 +9,7 @@ use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::preparation::Preparation;
 use taugate::internals::job::ready::Ready;
 use taugate::internals::job::ready_job::ReadyJob;
 use taugate::internals::job::{Job, feasible, read};
@@ -114,7 +115,8 @@ impl State {
         let in_files = is_in_files.then(|| config.clone());
         let sums = sum_files(&wanted, in_files, settings, has_variance)?;
         let open = || engine::device(experiment.render.device.as_deref());
-        let mut job = job.ready(self.ready.take(), has_variance, open)?;
+        let before = self.ready.take();
+        let mut job = job.ready(before, has_variance, open, &mut Preparation::start(), &mut |_| {})?;
         if let Some((line, note)) = job.continue_sums(sums, Shard::ALL)? {
             notes.extend([line].into_iter().chain(note));
         }

@@ -10,27 +10,23 @@ use std::collections::HashSet;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
 
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
-use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve;
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::job::frames::Outcome;
 use taugate::internals::job::iterations::Abandons;
 use taugate::internals::job::preparation::Preparation;
-use taugate::internals::job::ready::{Ready, Wanted};
+use taugate::internals::job::ready::Ready;
 use taugate::internals::job::ready_job::{ReadyJob, Step};
 use taugate::internals::job::sum_files::SumFiles;
 use taugate::internals::job::sums::{self, Identity, empty_shard};
 use taugate::internals::job::{Job, frames, memory, read};
 use taugate::internals::render::StrategyImages;
 use taugate::internals::render::schedule::budget_of;
-use taugate::internals::scene::Scene;
-use taugate::internals::settings::Settings;
-use taugate::internals::settings::aov::Aov;
+use taugate::internals::settings::table::OutputTable;
 use taugate::internals::tev::TevStream;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
@@ -126,11 +122,11 @@ impl Session {
         let scene = preparation.timed("load scene", || read::scene(&experiment))?;
         // All frames have the same settings, so a mistake in one frame is one of its scene.
         let of_frame = |error: taugate::Error| error.in_scene(Some(&*scene_path).filter(|_| self.is_sequence));
-        let job = Job::new(experiment, scene).map_err(of_frame)?;
-        let (config, warnings, may_be_dark) = (job.config(), job.warnings(), self.is_sequence || job.may_be_dark());
-        let Job { experiment, scene, resolved, notes, .. } = job;
-        let settings = &resolved.settings;
-        let shard = sums.shard(experiment.output.shard)?;
+        let mut job = Job::new(experiment, scene).map_err(of_frame)?;
+        job.is_frame = self.is_sequence;
+        let (config, settings) = (job.config(), &job.settings().clone());
+        let OutputTable { shard, tev, .. } = job.experiment.output.clone();
+        let shard = sums.shard(shard)?;
         resolve::check_shard(shard, &outputs)?;
         if self.is_sequence || outputs.sums().next().is_some() || sums.has_earlier() {
             sums.identify(Identity::new(config.clone(), settings, shard)?);
@@ -150,44 +146,23 @@ impl Session {
         }
         if self.tev.is_none() {
             // The stream connects while the device is prepared.
-            self.tev = experiment.output.tev.clone().map(TevStream::new);
+            self.tev = tev.map(TevStream::new);
         }
 
         // Prepare the device. The renderer of the previous frame also renders this frame if only cameras, lights or gates moved.
         let without_work = empty_shard(shard, &settings.budget());
-        notes.iter().chain(&without_work).for_each(|note| self.say(format!("note: {note}")));
-        warnings.iter().for_each(|warning| self.say(format!("warning: {warning}")));
-        let was_missing = self.ready.as_ref().is_some_and(|ready| ready.missing.is_some());
-        let followed = match (self.ready.take(), &self.device) {
-            (Some(ready), Some(device)) if outputs.aov == Aov::default() => {
-                preparation.timed("follow what moved", || ready.follow(device, scene.clone(), settings))?
-            }
-            _ => None,
-        };
-        let (mut ready, mut layers) = match followed {
-            Some(ready) => {
-                // Its share of the pixels may differ from frame to frame, so it is told once.
-                let missing = ready.missing.as_ref().filter(|_| !was_missing);
-                missing.into_iter().for_each(|warning| self.say(format!("warning: {warning}")));
-                (ready, Layers::default())
-            }
-            None => {
-                let (has_variance, aov) = (outputs.has_variance(), outputs.aov);
-                let wanted = Wanted { path: Some(&scene_path), may_be_dark, has_variance, aov };
-                self.prepare(scene, settings, &wanted, experiment.render.device.as_deref(), &mut preparation)?
-            }
-        };
+        job.notes.iter().chain(&without_work).for_each(|note| self.say(format!("note: {note}")));
+        job.warnings().iter().for_each(|warning| self.say(format!("warning: {warning}")));
+        let gate_warning = job.resolved.gate_warning.clone();
+        let mut job = self.prepare(job, outputs.has_variance(), &mut preparation)?;
         preparation.finish();
 
         // Render.
         let before = sums.before();
-        if let Some((line, note)) = sums.resume(&mut ready.renderer, &mut layers, settings, shard)? {
+        if let Some((line, note)) = job.continue_sums(sums, shard)? {
             self.progress.line(&line);
             note.iter().for_each(|note| self.progress.line(&format!("note: {note}")));
         }
-        let strict = experiment.render.strict.unwrap_or(false);
-        let (warnings, elapsed) = (resolved.warnings, Duration::ZERO);
-        let mut job = ReadyJob { ready, layers, sums, shard, config, may_be_dark, strict, warnings, elapsed };
         self.interrupts.end_the_process_at(Interrupt::Second);
         let stop = &self.interrupts.stop;
         let (name, responses) = (outputs.name(), settings.responses());
@@ -236,7 +211,7 @@ impl Session {
             layers: &job.layers,
             preparation: &preparation,
             warnings: &warnings,
-            gate_warning: resolved.gate_warning.as_deref(),
+            gate_warning: gate_warning.as_deref(),
             is_frame: self.is_sequence,
         };
         self.interrupts.end_the_process_at(Interrupt::None);
@@ -274,29 +249,23 @@ impl Session {
 }
 
 impl Session {
-    /// Makes a renderer and the auxiliary layers. Opens the device at the first call.
-    fn prepare(
-        &mut self,
-        scene: Scene,
-        settings: &Settings,
-        wanted: &Wanted,
-        device_name: Option<&str>,
-        preparation: &mut Preparation,
-    ) -> anyhow::Result<(Ready, Layers)> {
-        let mut device = self.device.take();
+    /// Makes a renderer and the auxiliary layers, or takes over the renderer of the previous frame. Opens the device at the first call.
+    fn prepare(&mut self, job: Job, has_variance: bool, preparation: &mut Preparation) -> anyhow::Result<ReadyJob> {
+        let (before, mut device) = (self.ready.take(), self.device.take());
+        let (is_first, name) = (before.is_none(), job.experiment.render.device.clone());
         let open = || match &device {
             Some(device) => Ok(device.clone()),
-            None => Ok(device.insert(Device::open(device_name)?).clone()),
+            None => Ok(device.insert(Device::open(name.as_deref())?).clone()),
         };
         let mut say = |warning: &str| self.say(format!("warning: {warning}"));
-        let made = Ready::new(scene, settings, wanted, open, preparation, &mut say);
+        let made = job.ready(before, has_variance, open, preparation, &mut say);
         self.device = device;
-        let (mut ready, layers) = made?;
-        if let Some(note) = preparation.timed("measure the pace", || pace::note(&ready))? {
+        let mut job = made?;
+        if is_first && let Some(note) = preparation.timed("measure the pace", || pace::note(&job.ready))? {
             self.progress.line(&note);
         }
         // Only the next frame of a sequence may use the prepared scene again.
-        ready.prepared = ready.prepared.filter(|_| self.is_sequence);
-        Ok((ready, layers))
+        job.ready.prepared = job.ready.prepared.filter(|_| self.is_sequence);
+        Ok(job)
     }
 }

@@ -213,7 +213,8 @@ impl Job {
         let free = memory::free_without(before.as_ref().and_then(ReadyJob::responses));
         // As for an image file, which has variances.
         memory::check(self.settings(), memory::ImageParts { variance: true, exr: true }, free)?;
-        self.ready(before.map(|job| job.ready), true, || Ok(device.clone()))
+        let before = before.map(|job| job.ready);
+        self.ready(before, true, || Ok(device.clone()), &mut Preparation::start(), &mut |_| {})
     }
 
     /// Prepares a scan on a device. Fails if the job is no scan, if the memory of the host or of the device does not suffice, if the
@@ -223,13 +224,15 @@ impl Job {
     }
 
     /// Makes a renderer, or takes over the renderer of the previous render. `has_variance`: whether several responses have variances.
-    /// `open` opens the device.
+    /// `open` opens the device. `say` gets each warning about the scene and the memory as soon as it is known.
     #[doc(hidden)]
     pub fn ready(
         self,
         before: Option<Ready>,
         has_variance: bool,
-        open: impl Fn() -> Result<Device>,
+        mut open: impl FnMut() -> Result<Device>,
+        preparation: &mut Preparation,
+        say: &mut dyn FnMut(&str),
     ) -> Result<ReadyJob> {
         if self.is_scan() {
             return Err(Error::advice("this experiment is a scan: ", "measure its points instead of an image"));
@@ -241,15 +244,23 @@ impl Job {
         let has_variances = has_variance && !settings.responses().is_single_box();
         let can_follow =
             |ready: &Ready| aov == Aov::default() && ready.renderer.has_response_variance() == has_variances;
+        let was_missing = before.as_ref().is_some_and(|ready| ready.missing.is_some());
         let followed = match before.filter(can_follow) {
-            // The renderer `before` needs its device, so this device is usually open.
-            Some(before) => before.follow(&open()?, scene.clone(), &settings)?,
+            Some(before) => {
+                // The renderer `before` needs its device, so this device is usually open.
+                let device = open()?;
+                preparation.timed("follow what moved", || before.follow(&device, scene.clone(), &settings))?
+            }
             None => None,
         };
         let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance, aov };
         let (ready, layers) = match followed {
-            Some(ready) => (ready, Layers::default()),
-            None => Ready::new(scene, &settings, &wanted, open, &mut Preparation::start(), &mut |_| {})?,
+            Some(ready) => {
+                // Its share of the pixels may differ from frame to frame, so it is told once.
+                ready.missing.iter().filter(|_| !was_missing).for_each(|warning| say(warning));
+                (ready, Layers::default())
+            }
+            None => Ready::new(scene, &settings, &wanted, open, preparation, say)?,
         };
         Ok(ReadyJob {
             ready,
