@@ -2,34 +2,26 @@
 //! the candidates for one shadow ray. In a histogram over a wide range of travel times, nearly every vertex meets some bin, and
 //! each bin needs connections. So `lcs` draws vertices evenly over travel time there, and traces a shadow ray to each of them.
 
-use super::{COMMON_QUERY_KERNEL, Ellipsoids, Estimator, Fog, GateWidth, PoolOrder, Record, TreeDefaults};
+use super::{COMMON_QUERY_KERNEL, Ellipsoids, Fog, GateWidth, PLAIN, PoolOrder, Record, TreeDefaults};
 use crate::wgsl::layout::constants::{ESTIMATOR_LCS_BY_TIME, MAX_TIME_GROUPS};
 
-const NAME: &str = "lcs";
-// Queries choose better among fewer vertices (docs/notebook/light-paths.md).
-const MAX_LIGHT_PATHS: u32 = 8192;
-// A single tree needs half as many queries as two trees. It holds points on emitters and scattered vertices alike
-// (docs/notebook/single-tree.md).
-const TREES: TreeDefaults = TreeDefaults { queries: 16, leaf_size: 16, single: true, by_importance: true };
-
-pub(super) static RECORD: Record = Record { for_thin_gates: Some(&FOR_THIN_GATES), ..GENERAL };
+pub(super) static RECORD: Record =
+    Record { for_histograms: Some(&FOR_HISTOGRAMS), for_thin_gates: Some(&FOR_THIN_GATES), ..GENERAL };
 
 const GENERAL: Record = Record {
-    name: NAME,
+    name: "lcs",
     is_default: |c| c.gate == GateWidth::Narrow || c.fog == Fog::Thick,
-    max_default_light_paths: MAX_LIGHT_PATHS,
-    adaptive: true,
-    light_subpaths: true,
-    trees: Some(TREES),
+    // Queries choose better among fewer vertices (docs/notebook/light-paths.md).
+    max_default_light_paths: 8192,
+    // A single tree needs half as many queries as two trees. It holds points on emitters and scattered vertices alike
+    // (docs/notebook/single-tree.md).
+    trees: Some(TreeDefaults { queries: 16, leaf_size: 16, single: true, by_importance: true }),
     pool_order: PoolOrder::Trees,
     query_kernel: "shell_resample",
     constants: &[],
     slots: |pool| pool.trees * pool.time_groups,
     // One vertex per tree would leave most gates without light (docs/notebook/histograms.md).
     time_groups: MAX_TIME_GROUPS,
-    for_histograms: Some(&FOR_HISTOGRAMS),
-    for_thin_gates: None,
-    draws_per_query: 1,
     // A vertex that queries choose by its contribution stands for more samples than one that a subpath happens to reach. 4 K is a
     // compromise between four scenes (docs/notebook/mis-sample-count.md). In fog, K: light that returned from far away is rare, and
     // one such vertex must not dominate the image.
@@ -38,17 +30,15 @@ const GENERAL: Record = Record {
     // than their densities give them (docs/notebook/splat-weight.md).
     splat_sample_weight: 0.25,
     draws_in_gate: true,
-    ellipsoids: Ellipsoids::None,
-    ellipsoid_sample_count: 1.0,
     renders_references: true,
-    is_baseline: false,
-    judge: Estimator::Bdpt,
+    ..PLAIN
 };
 
 /// Hardly any pair of vertices meets a thin gate. So ellipsoidal connections, whose travel time lies inside the gate, are
 /// formed too: eight candidates cost two shadow rays.
 static FOR_THIN_GATES: Record = Record {
     slots: |pool| pool.trees * pool.time_groups + 1,
+    for_histograms: Some(&FOR_HISTOGRAMS),
     ellipsoids: Ellipsoids::Resampled,
     // From 0.1 to 1 makes little difference (docs/notebook/ellipsoids-by-importance.md).
     ellipsoid_sample_count: 0.3,
@@ -59,28 +49,15 @@ static FOR_THIN_GATES: Record = Record {
 /// connections. Resampling favours bright bins, so dim bins get few vertices, and these are far too bright
 /// (docs/notebook/long-histograms.md).
 static FOR_HISTOGRAMS: Record = Record {
-    name: NAME,
-    is_default: |_| false,
-    max_default_light_paths: MAX_LIGHT_PATHS,
-    adaptive: true,
-    light_subpaths: true,
-    trees: Some(TREES),
     pool_order: PoolOrder::ByTime,
     query_kernel: COMMON_QUERY_KERNEL,
     constants: &[("ESTIMATOR", ESTIMATOR_LCS_BY_TIME)],
     slots: |pool| pool.trees * pool.queries,
     time_groups: 1,
-    for_histograms: None,
-    for_thin_gates: None,
     // A query of a tree takes longer than two connections.
     draws_per_query: 2,
     // Four times this value makes no difference on average, but rare samples become brighter. In fog, a quarter, as with one gate.
     query_sample_count: |queries, has_media| if has_media { 0.0625 } else { 0.25 } * queries as f32,
     splat_sample_weight: 1.0,
-    draws_in_gate: true,
-    ellipsoids: Ellipsoids::None,
-    ellipsoid_sample_count: 1.0,
-    renders_references: true,
-    is_baseline: false,
-    judge: Estimator::Bdpt,
+    ..GENERAL
 };

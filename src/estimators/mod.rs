@@ -84,6 +84,32 @@ pub struct Record {
     pub judge: Estimator,
 }
 
+/// What most estimators have in common. Each of them has a name, constants and slots of its own.
+const PLAIN: Record = Record {
+    name: "",
+    is_default: |_| false,
+    max_default_light_paths: 50_000,
+    adaptive: true,
+    light_subpaths: true,
+    trees: None,
+    pool_order: PoolOrder::ByPath,
+    query_kernel: COMMON_QUERY_KERNEL,
+    constants: &[],
+    slots: |_| 0,
+    time_groups: 1,
+    for_histograms: None,
+    for_thin_gates: None,
+    draws_per_query: 1,
+    query_sample_count: |_, _| 1.0,
+    splat_sample_weight: 1.0,
+    draws_in_gate: false,
+    ellipsoids: Ellipsoids::None,
+    ellipsoid_sample_count: 1.0,
+    renders_references: false,
+    is_baseline: false,
+    judge: Estimator::Bdpt,
+};
+
 /// How an estimator forms ellipsoidal connections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ellipsoids {
