@@ -18,7 +18,8 @@ struct PathState {
     flags: u32,
     // Offset from `position` to the origin of the ray.
     shift: vec3<f32>,
-    // Light subpaths: probability of selecting the emitter that they started from.
+    // Light subpaths: probability of selecting the emitter that they started from. Photons: the bits of the triangle that they are aimed
+    // at, or of NONE (photon_trace.wgsl).
     select_pdf: f32,
     d_vcm: f32,
     d_vc: f32,

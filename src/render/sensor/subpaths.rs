@@ -10,7 +10,8 @@ const MAX_BOUNCES_PER_SUBMIT: u32 = 16;
 
 /// The sensor subpaths of a tile while they are traced. Each bounce is [`SensorSubpaths::trace`], [`SensorSubpaths::query`] and
 /// [`SensorSubpaths::connect`], in this order. There are two drives ([`Drive`](crate::gpu::Drive)). If the host waits for each bounce,
-/// these functions submit, and dispatch only over lists that have entries. Otherwise they only record.
+/// `trace` submits, and `query` does if there are many shade points; both dispatch only over lists that have entries. `connect` only
+/// records, for the next submit. In the other drive, all three only record.
 pub struct SensorSubpaths<'a> {
     pub(super) tracer: &'a mut SensorTracer,
     pub(super) bindings: &'a SensorBindings,
