@@ -80,8 +80,8 @@ fn connected(at: PathVertex, rank: u32, slot: u32) -> vec4<f32> {
         let number = slot % frame.slots % event_count();
         let u = event_uniforms(q, number, sensor, flight_uniforms(key).xy);
         q = draw_in_gate(q, segments[q.owner], v, event_gate(q, number, sensor), u);
-        // The subpath has come from a lamp at the start of its segment.
-        is_visible = !HAS_ALPHA && !HAS_SHEETS && !HAS_NULL_BOUNDARIES && all(v.position == start);
+        // The subpath has come from the place of its laser.
+        is_visible = HAS_OWN_LASERS && (q.flags & VERTEX_DEPTH) == 1u && !HAS_ALPHA && !HAS_SHEETS;
         if (HAS_SHEETS) {
             pass_sheets_before(&q, start, dispatch.bounce == 0u);
         }

@@ -1,5 +1,5 @@
 // Single scattering inside the gate: on each segment of a sensor subpath in fog, one scattering event is drawn per deterministic
-// vertex. It is drawn from the positions at which light from this vertex arrives inside the gate. These events are connected in
+// vertex, or several in different parts of the gate (event_strata.wgsl). It is drawn from the positions at which light from this vertex arrives inside the gate. These events are connected in
 // addition to the end of the segment.
 //
 // Let x be the start of the segment, w its direction, and D the vector from x to the light vertex. The path over the event at x + s w

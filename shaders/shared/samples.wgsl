@@ -4,8 +4,10 @@
 // One entry per sample, with two 16-bit numbers in each word, the first in the low half. x: column and row of the pixel in
 // the whole film. y: number of the sample within its pixel and iteration, and the pixel's number of samples in this
 // iteration. The samples of a pixel are consecutive and start with number 0. With SPLITS_AT_SHEETS, the last ones stop at thin glass
-// (`Split` in sheet.wgsl).
+// (sheet.wgsl).
 @group(2) @binding(8) var<storage, read> tile_samples: array<vec2<u32>>;
+
+const STOPPING_BIT: u32 = 0x80000000u;
 
 struct SensorSample {
     // Column and row of the pixel in the whole film.
@@ -15,7 +17,7 @@ struct SensorSample {
     seed: u32,
     // Number of the sample within its pixel, counted in this iteration.
     number: u32,
-    // The same number, counted over the whole render.
+    // The same number, counted over the whole render. Samples that stop at thin glass are counted apart, with STOPPING_BIT.
     sample: u32,
     // Whether the sample carries only the light of paths that begin at the thin glass which the camera sees.
     stops: bool,
@@ -27,8 +29,10 @@ fn sensor_sample(slot: u32) -> SensorSample {
     let number = s.y & 0xffffu;
     let pixel = vec2<u32>(s.x & 0xffffu, s.x >> 16u);
     let index = select(pixel.y * frame.width + pixel.x, 0u, HAS_OWN_LASERS);
-    let stops = number >= passing_samples(s.y >> 16u);
-    return SensorSample(pixel, index, pixel_seed(pixel), number, frame.first_sample + number, stops);
+    let passing = passing_samples(s.y >> 16u);
+    let stops = number >= passing;
+    let sample = select(frame.first_sample + number, STOPPING_BIT | (frame.first_sample + number - passing), stops);
+    return SensorSample(pixel, index, pixel_seed(pixel), number, sample, stops);
 }
 
 // How many of the `count` samples of a pixel do not stop at thin glass. There is one that does for each four of them, or for a part of four

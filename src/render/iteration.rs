@@ -132,7 +132,7 @@ impl Renderer {
 
         stats.waits += device.waits() - waits;
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
-        self.finish_iteration(self.plan.sensor_samples(counts.max()), merged);
+        self.finish_iteration(counts.max(), merged);
         Ok(true)
     }
 
@@ -164,10 +164,10 @@ impl Renderer {
             responses.end();
         }
         self.stats.samples += self.plan.crop_pixels * u64::from(samples);
-        self.finish_iteration(self.plan.sensor_samples(samples), 0.0);
+        self.finish_iteration(samples, 0.0);
     }
 
-    /// `max`: the maximum number of sensor subpaths of a pixel in the iteration. `merged`: mean luminance of its merged light.
+    /// `max`: the maximum number of samples of a pixel in the iteration, without those that stop at thin glass. `merged`: mean luminance of its merged light.
     pub(super) fn finish_iteration(&mut self, max: u32, merged: f64) {
         if let Some(radius) = self.plan.merge_pixels(self.next) {
             self.merged.add(merged, radius);

@@ -35,6 +35,7 @@ const BATCH: usize = 1 << 16;
 /// Minimum and maximum number of photons in an iteration.
 const MIN_PHOTONS: u64 = 1 << 12;
 const MAX_PHOTONS: u64 = 1 << 20;
+
 /// Traces photons. `None` as a field of the renderer if nothing merges.
 pub struct PhotonTracer {
     geometry: Arc<Geometry>,

@@ -273,7 +273,7 @@ impl Plan {
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
-        let [strata, cycle] = self.event_strata();
+        let [strata, cycle] = self.event_strata(&self.responses);
         let drawn = if self.draws_in_gate() { deterministic * strata.div_ceil(cycle) } else { 0 };
         let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries, self.time_groups()));
         (drawn + deterministic + u32::from(self.has_sky) + chosen).max(1)

@@ -17,7 +17,8 @@ use crate::settings::Responses;
 impl Renderer {
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
     /// statistics stay. Fails without any change if the responses are invalid ([`Responses::new`]), or if there is a gate and a light
-    /// is infinitely far away. Also fails if the responses need other kernels, as several responses do after a single box.
+    /// is infinitely far away. Also fails if the responses need other kernels, as several responses do after a single box, and
+    /// another number of gates in a scan in fog.
     ///
     /// The new gate does not decide whether there are ellipsoidal connections: the gate that the renderer was made for did.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {

@@ -1,7 +1,7 @@
 //! Renders that go on after an interruption, and shards of a render on several machines.
 
 use super::samples::MAX_SHARE;
-use super::schedule::{Following, Rendered, samples_in};
+use super::schedule::{Following, Rendered, samples_before};
 use super::{Renderer, ResponseSums};
 use crate::error::{Error, Result};
 use crate::image::accumulation::{About, Accumulation, AdaptiveState};
@@ -85,8 +85,8 @@ impl Renderer {
     #[doc(hidden)]
     pub fn go_to(&mut self, number: u32) {
         self.next = number;
+        let before = samples_before(self.next) as u32;
         // With adaptive sampling a pixel may have had this many samples in the iterations before.
-        let share = if self.allocation.is_some() { MAX_SHARE } else { 1 };
-        self.first_sample = (0..number).map(|earlier| self.plan.sensor_samples(share * samples_in(earlier))).sum();
+        self.first_sample = if self.allocation.is_some() { MAX_SHARE * before } else { before };
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
+use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer};
 use taugate::internals::scene::{Aim, LightKind, Medium, Projection, Scene};
 use taugate::internals::settings::gates::Gates;
@@ -79,6 +79,28 @@ fn a_waveform_in_fog_has_the_closed_form_in_each_bin() {
         (0..4).for_each(|_| renderer.iterate(16).unwrap());
         for (bin, (found, truth)) in bins(&renderer).into_iter().zip(truth(share)).enumerate() {
             assert!((found - truth).abs() <= 0.01 * truth, "{pixel_fov}, bin {bin}: {found}, not {truth}");
+        }
+    }
+}
+
+/// Clear glass near the sensor dims all bins alike. Samples that stop at the glass have no part in the turns over the bins, whatever the
+/// length of an iteration.
+#[test]
+fn a_waveform_is_dimmed_by_a_pane() {
+    let mut scene = scene(HALF);
+    let pane = material(&mut scene, glass("pane"));
+    add(&mut scene, "pane", pane, quad(DVec3::new(-1.0, -1.0, -0.2), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0; 2]));
+    let face = (0.5f64 / 2.5).powi(2);
+    let passed = ((1.0 - face) / (1.0 + face)).powi(2);
+    for samples in [3, 6, 16] {
+        let settings = of(Estimator::Lcs);
+        let prepared = PreparedScene::new(&scene, &settings).unwrap().with_own_lasers(&[1]);
+        let memory = MemoryPlan::new(&scene, &settings, &prepared, Some(device().info())).unwrap();
+        let mut renderer = Renderer::from_memory_plan(&device(), memory, &scene, &prepared).unwrap();
+        (0..16).for_each(|_| renderer.iterate(samples).unwrap());
+        for (bin, (found, truth)) in bins(&renderer).into_iter().zip(truth(1.0)).enumerate() {
+            let truth = passed * truth;
+            assert!((found - truth).abs() <= 0.01 * truth, "{samples} samples, bin {bin}: {found}, not {truth}");
         }
     }
 }

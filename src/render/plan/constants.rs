@@ -3,6 +3,7 @@
 use super::{Observe, Plan};
 use crate::estimators::{Ellipsoids, PoolOrder};
 use crate::scene::Scene;
+use crate::settings::Responses;
 use crate::wgsl::layout::constants::{DETERMINISTIC_SLOTS, OBSERVE_RESPONSES, OBSERVE_STRATEGIES, OBSERVE_TIMES};
 
 /// Maximum number of events in fog that a sample draws for a histogram on its first segment.
@@ -19,6 +20,7 @@ impl Plan {
         };
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
         let queried = self.queries_deterministic(self.max_deterministic);
+        let [strata, cycle] = self.event_strata(&self.responses);
         let mut constants = self.features.constants().to_vec();
         constants.extend([
             ("WORKGROUP", self.tuning.workgroup.into()),
@@ -34,8 +36,8 @@ impl Plan {
             ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoids != Ellipsoids::None)),
             ("RESAMPLES_ELLIPSOIDS", switch(self.estimator.ellipsoids == Ellipsoids::Resampled)),
             ("GUIDES_FLIGHTS", switch(self.guides_flights())),
-            ("EVENT_STRATA", self.event_strata()[0].into()),
-            ("EVENT_CYCLE", self.event_strata()[1].into()),
+            ("EVENT_STRATA", strata.into()),
+            ("EVENT_CYCLE", cycle.into()),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(queried)),
@@ -75,16 +77,14 @@ impl Plan {
         self.uses_gate_in_media() && self.max_deterministic <= DETERMINISTIC_SLOTS
     }
 
-    /// Whether the range of gates of equal width is divided for the events in media.
-    pub(super) fn has_strata(&self) -> bool {
-        self.observe == Observe::Responses && self.camera_kind.aims > 0 && self.draws_in_gate()
-    }
-
-    /// The values of EVENT_STRATA and EVENT_CYCLE (`shared/event_strata.wgsl`).
-    pub(super) fn event_strata(&self) -> [u32; 2] {
-        match self.responses.uniform() {
+    /// The values of EVENT_STRATA and EVENT_CYCLE for these responses (`shared/event_strata.wgsl`).
+    pub(super) fn event_strata(&self, responses: &Responses) -> [u32; 2] {
+        let is_aimed = self.observe == Observe::Responses && self.camera_kind.aims > 0;
+        match responses.uniform() {
             // Few scans have iterations of less than 16 samples, so most of them serve all strata.
-            Some(gates) if self.has_strata() => [gates.count(), gates.count().div_ceil(MAX_EVENTS).next_power_of_two()],
+            Some(gates) if is_aimed && self.draws_in_gate() && responses.support().hi.is_finite() => {
+                [gates.count(), gates.count().div_ceil(MAX_EVENTS).next_power_of_two()]
+            }
             _ => [1, 1],
         }
     }

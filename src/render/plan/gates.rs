@@ -66,8 +66,8 @@ impl Plan {
     /// Whether a render with these kernels can begin again with `responses`.
     pub fn can_have(&self, responses: &Responses) -> bool {
         let kind = |responses: &Responses| {
-            let gates = responses.uniform().filter(|_| self.has_strata()).map(|gates| gates.count());
-            (responses.is_single_box(), responses.hole().is_some(), self.choice.is_histogram(responses), gates)
+            let strata = self.event_strata(responses);
+            (responses.is_single_box(), responses.hole().is_some(), self.choice.is_histogram(responses), strata)
         };
         kind(&self.responses) == kind(responses)
     }
