@@ -121,6 +121,3 @@ export function cameraChange(camera) {
   if (camera.ortho) change.ortho = String(Number(camera.ortho.toPrecision(6)));
   return change;
 }
-
-/** The change of settings that goes back to the camera of the start. */
-export const CAMERA_RESET = { camera: null, 'look-from': null, 'look-at': null, up: null, fov: null, ortho: null };

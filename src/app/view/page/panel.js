@@ -19,7 +19,7 @@ export function makePanel(link, steering, { onProblem }) {
     const place = text => ({ ...cameraChange(cameraOf(latest)), [key]: text.replace(/[\s,]+/g, ',') });
     onEdit(byId(key), text => link.set(text === '' ? { [key]: null } : place(text)), restore);
   }
-  onEdit(byId('camera'), name => link.set({ camera: name, 'look-from': false, 'look-at': false, up: false, fov: false }));
+  onEdit(byId('camera'), name => link.set({ camera: name }));
   byId('camera-reset').addEventListener('click', () => steering.reset());
   onEdit(byId('estimator'), name => link.set({ estimator: name === '' ? false : name }));
   byId('double-sided').addEventListener('change', event => link.set({ 'double-sided': event.target.checked }));

@@ -1,6 +1,6 @@
 // The camera that the user steers: it runs ahead of the program while the user moves it, and follows the program otherwise.
 
-import { CAMERA_RESET, cameraChange, cameraOf, move, viewHeight } from './camera.js';
+import { cameraChange, cameraOf, move, viewHeight } from './camera.js';
 
 /** After this time (ms) without a movement, and without a change that waits for its answer, the page follows the camera of the program
  * again. */
@@ -61,7 +61,8 @@ export function makeSteering(link) {
     camera: () => camera,
     reset() {
       moved = -Infinity;
-      link.set(CAMERA_RESET);
+      // The program also resets the place and the view.
+      link.set({ camera: null });
     },
     /** Returns whether the key is one of those that fly. */
     press(key, isFast) {
