@@ -95,6 +95,7 @@ fn host_type(module: &naga::Module, ty: naga::Handle<naga::Type>) -> String {
     let scalar = |scalar: naga::Scalar| match scalar.kind {
         naga::ScalarKind::Float => "f32",
         naga::ScalarKind::Uint => "u32",
+        naga::ScalarKind::Sint => "i32",
         kind => panic!("the host has no twin of {kind:?}"),
     };
     match module.types[ty].inner {
