@@ -1,6 +1,6 @@
 // Events of a histogram in fog (fog.wgsl). One event on a segment would serve all gates of the histogram. So the range of the gates is
-// divided into strata, one for each gate. A sample draws an event in every `event_cycle`-th stratum, and the samples of a pixel take
-// turns: so many samples draw one event in each stratum (systematic sampling). Only for rays that are aimed (HAS_AIMS): a camera has few
+// divided into strata, one for each gate. A sample draws an event in every n-th stratum, where n is the `event_cycle`. The samples of a
+// pixel take turns, so n samples together draw one event in each stratum (systematic sampling). Only for rays that are aimed (HAS_AIMS): a camera has few
 // samples per pixel, and its error in fog comes from light that is scattered more often (docs/notebook/waveforms.md).
 #import random
 #import samples

@@ -7,6 +7,7 @@
 // (sheet.wgsl).
 @group(2) @binding(8) var<storage, read> tile_samples: array<vec2<u32>>;
 
+// Marks the keys of samples that stop at thin glass: they are counted apart, so that only the others take turns (event_strata.wgsl).
 const STOPPING_BIT: u32 = 0x80000000u;
 
 struct SensorSample {

@@ -2,8 +2,8 @@
 // With all reflections between its two faces, a sheet whose faces reflect R reflects R' = 2 R / (1 + R) and transmits
 // T' = (1 - R) / (1 + R). The base colour tints the light that passes. Both sides of a sheet are alike.
 //
-// Smooth sheets are no vertices of paths. Rays pass them as they pass surfaces with alpha: a ray of a subpath passes at random (but see below), and
-// a shadow ray always passes, with the share of the light as a factor. A ray that does not pass has hit the rest of the material,
+// Smooth sheets are no vertices of paths. Rays pass them as they pass surfaces with alpha: a ray of a subpath passes at random (but see
+// below), and a shadow ray always passes, with the share of the light as a factor. A ray that does not pass has hit the rest of the material,
 // for example its reflection. Rough sheets are vertices, because they scatter light that passes.
 //
 // Camera rays split at the first sheet if it is clear: all but a few samples of a pixel pass it with the share of the light as a factor.

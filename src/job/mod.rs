@@ -206,9 +206,8 @@ impl Job {
         Ok(job)
     }
 
-    /// As [`Job::prepare`], for one job of a series. Takes over the renderer of the job `before`, which this function has prepared, if
-    /// only cameras, lights, positions of moving surfaces, gates or the seed differ, as in most sequences. The image has the same bits in
-    /// both cases. The scene stays in the memory of the host for the next job.
+    /// As [`Job::prepare`], for one job of a series. `before`: the job that this function has prepared last. Its renderer is taken over
+    /// if only cameras, lights, positions of moving surfaces, gates or the seed differ. The image has the same bits in both cases. The scene stays in the memory of the host for the next job.
     pub fn prepare_after(self, before: Option<ReadyJob>, device: &Device) -> Result<ReadyJob> {
         let free = memory::free_without(before.as_ref().and_then(ReadyJob::responses));
         // As for an image file, which has variances.
@@ -217,8 +216,8 @@ impl Job {
         self.ready(before, true, || Ok(device.clone()), &mut Preparation::start(), &mut |_| {})
     }
 
-    /// Prepares a scan on a device. Fails if the job is no scan, if the memory of the host or of the device does not suffice, if the
-    /// scene or the settings do not allow a scan, or if the device is lost.
+    /// Prepares a scan on a device. Fails if the job is no scan, or if its scene or settings do not allow one. Also fails if the host or
+    /// the device has too little memory, or if the device is lost.
     pub fn prepare_scan(self, device: &Device) -> Result<ReadyScan> {
         ReadyScan::new(self, || Ok(device.clone()), &mut |_| {})
     }

@@ -167,7 +167,8 @@ impl Renderer {
         self.finish_iteration(samples, 0.0);
     }
 
-    /// `max`: the maximum number of samples of a pixel in the iteration, without those that stop at thin glass. `merged`: mean luminance of its merged light.
+    /// `max`: the maximum number of samples of a pixel in the iteration, without those that stop at thin glass. `merged`: mean luminance of
+    /// its merged light.
     pub(super) fn finish_iteration(&mut self, max: u32, merged: f64) {
         if let Some(radius) = self.plan.merge_pixels(self.next) {
             self.merged.add(merged, radius);

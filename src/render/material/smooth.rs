@@ -22,6 +22,8 @@ impl SmoothShares {
         let limit = if varies { ROUNDING * DELTA_ALPHA } else { DELTA_ALPHA };
         let share = |has_lobe: bool, alpha: f32, texture: Option<u32>| match texture {
             _ if !has_lobe || is_thin => 0.0,
+            // Only light of lamps without a surface needs the share. Counting takes time in scenes with many textures.
+            Some(_) if alpha >= limit && scene.lights.is_empty() => 0.0,
             Some(texture) if alpha >= limit => smooth_texels(scene, texture, limit / alpha),
             _ => f64::from(u8::from(alpha < limit)),
         };
