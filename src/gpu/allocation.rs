@@ -7,6 +7,7 @@ use ash::vk;
 
 use super::drive::CACHED;
 use super::shared::Shared;
+use super::turns::Users;
 use crate::error::{Error, Result};
 
 /// Memory that the device can access, and the one buffer that is bound to this memory.
@@ -18,13 +19,14 @@ pub(super) struct Allocation {
     pub mapping: Option<*mut u8>,
     pub size: u64,
     pub name: &'static str,
+    pub users: Users,
     /// Bytes that this allocation adds to [`Shared::bytes`]. 0 for host memory, and before the memory is allocated.
     counted: u64,
 }
 
 // SAFETY: the mapping is an address that stays valid until `drop`. The mapping of a buffer is written only through `&mut Buffer`,
-// and each allocation has one `Buffer`. The host reads and writes the mapping only under `host_access`, while the device is idle.
-// The mapping of staging memory is used under the lock of the staging memory, while no submit uses the memory.
+// and each allocation has one `Buffer`. The host reads and writes the mapping only in a turn of its own (`Turns::of_host`), while no
+// submit uses the memory. The mapping of staging memory is used by the one owner of its area, before the submit of the area or after it.
 unsafe impl Send for Allocation {}
 // SAFETY: as above.
 unsafe impl Sync for Allocation {}
@@ -51,6 +53,7 @@ impl Allocation {
             mapping: None,
             size,
             name,
+            users: Users::default(),
             counted: 0,
         };
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);

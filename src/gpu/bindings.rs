@@ -24,8 +24,8 @@ pub(super) struct DescriptorSets {
     pool: vk::DescriptorPool,
     views: Vec<vk::BufferView>,
     pub sets: Vec<vk::DescriptorSet>,
-    /// Never read; the field keeps the bound buffers alive.
-    _buffers: Vec<Arc<Allocation>>,
+    /// The bound buffers.
+    pub buffers: Vec<Arc<Allocation>>,
 }
 
 impl DescriptorSets {
@@ -42,7 +42,7 @@ impl DescriptorSets {
             pool: vk::DescriptorPool::null(),
             views: vec![],
             sets: vec![],
-            _buffers: vec![],
+            buffers: vec![],
         };
         // SAFETY: the structures outlive the calls. The pool frees its sets when the pool is destroyed.
         unsafe {
@@ -104,7 +104,7 @@ impl DescriptorSets {
                 shared.device.update_descriptor_sets(&[write.buffer_info(&range)], &[]);
             }
         }
-        self._buffers.push(buffer.clone());
+        self.buffers.push(buffer.clone());
         Ok(())
     }
 }

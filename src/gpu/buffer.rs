@@ -9,6 +9,7 @@ use super::allocation::Allocation;
 use super::buffer_desc::BufferDesc;
 use super::device::Device;
 use super::drive::FOR_HOST;
+use super::staging;
 use crate::error::Result;
 
 /// A storage buffer. Its contents are undefined until they are written. Bindings keep the memory of the buffer alive, but the
@@ -63,43 +64,43 @@ impl Buffer {
         self.allocation.size
     }
 
-    /// Writes `data` from element `first` on; every later submit sees it. Waits for submits of other threads. Panics if the range
-    /// does not lie inside the buffer.
+    /// Writes `data` from element `first` on; every later submit sees it. Waits for submits of other threads that use the buffer. Panics
+    /// if the range does not lie inside the buffer.
     pub fn write<T: NoUninit>(&mut self, first: usize, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let offset = self.offset::<T>(first, bytes.len(), "write");
         let Some(address) = self.allocation.mapping else {
-            return self.device.staging().write(&self.allocation, offset, bytes);
+            return staging::write(&self.device, &self.allocation, offset, bytes);
         };
-        let _idle = self.device.shared.host_access();
-        // SAFETY: `offset` checked the range, the mapping covers the whole buffer, the device is idle, and `&mut self` keeps
-        // other host threads away.
+        let _turn = self.device.shared.turns.of_host(&self.allocation);
+        // SAFETY: `offset` checked the range, the mapping covers the whole buffer, no submit uses the buffer, and
+        // `&mut self` keeps other host threads away.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), address.add(offset as usize), bytes.len()) };
         Ok(())
     }
 
-    /// Reads `into.len()` elements from element `first` on. Waits for submits of other threads. Panics if the range does not lie
-    /// inside the buffer.
+    /// Reads `into.len()` elements from element `first` on. Waits for submits of other threads that use the buffer. Panics if the range
+    /// does not lie inside the buffer.
     pub fn read<T: AnyBitPattern + NoUninit>(&self, first: usize, into: &mut [T]) -> Result<()> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(into);
         let offset = self.offset::<T>(first, bytes.len(), "read");
         let Some(address) = self.allocation.mapping else {
-            return self.device.staging().read(&self.allocation, offset, bytes);
+            return staging::read(&self.device, &self.allocation, offset, bytes);
         };
-        let _idle = self.device.shared.host_access();
+        let _turn = self.device.shared.turns.of_host(&self.allocation);
         // SAFETY: as in `write`; `&self` keeps writers away.
         unsafe { std::ptr::copy_nonoverlapping(address.add(offset as usize), bytes.as_mut_ptr(), bytes.len()) };
         Ok(())
     }
 
     /// Calls `look` with the first `count` elements: in place if the device's memory is mapped, else with a copy. No submit
-    /// starts until `look` returns. `look` must neither submit work nor access a buffer, because it holds the lock of the queue.
+    /// that uses the buffer starts until `look` returns. So `look` must not submit such work.
     pub fn with<T: AnyBitPattern + NoUninit, R>(&self, count: usize, look: impl FnOnce(&[T]) -> R) -> Result<R> {
         self.offset::<T>(count, 0, "read");
         let Some(address) = self.allocation.mapping else { return Ok(look(&self.to_vec(count)?)) };
-        let _idle = self.device.shared.host_access();
-        // SAFETY: `offset` checked the range, mappings are page-aligned, any bit pattern is valid for T, the device is idle, and
-        // `&self` keeps writers away.
+        let _turn = self.device.shared.turns.of_host(&self.allocation);
+        // SAFETY: `offset` checked the range, mappings are page-aligned, any bit pattern is valid for T, no submit uses the buffer,
+        // and `&self` keeps writers away.
         Ok(look(unsafe { std::slice::from_raw_parts(address.cast::<T>(), count) }))
     }
 

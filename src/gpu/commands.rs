@@ -1,7 +1,7 @@
 //! A command buffer that the host records, submits and waits for, repeatedly.
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, MutexGuard};
 
 use ash::vk;
 
@@ -79,18 +79,13 @@ impl Commands {
         }
     }
 
-    /// Submits the commands recorded in `first`, then the commands recorded here, and waits until the device has executed both. All
-    /// writes are then visible to the host and to later submits. The device no longer uses anything that was recorded, even if
-    /// this function returns an error.
-    pub fn submit(&mut self, first: Option<&mut Commands>) -> Result<()> {
-        let mut commands = vec![];
-        if let Some(first) = first {
-            commands.push(first.finish()?);
-        }
-        commands.push(self.finish()?);
-        let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
+    /// Submits the finished command buffers `first`, then the commands recorded here, and unlocks `queue`. Then waits until the device has
+    /// executed them. All writes are then visible to the host and to later submits. The device no longer uses anything that was
+    /// recorded, even if this function returns an error.
+    pub fn submit(&mut self, queue: MutexGuard<'_, vk::Queue>, mut first: Vec<vk::CommandBuffer>) -> Result<()> {
+        first.push(self.finish()?);
+        let submit = [vk::SubmitInfo::default().command_buffers(&first)];
         let shared = &self.shared;
-        let queue = shared.submitting();
         if shared.waits.load(Ordering::Relaxed) >= shared.lost_after {
             return Err(shared.error("waiting for the device", vk::Result::ERROR_DEVICE_LOST));
         }
@@ -99,11 +94,12 @@ impl Commands {
         unsafe {
             shared.device.reset_fences(&[self.fence]).map_err(|e| shared.error("resetting a fence", e))?;
             shared.device.queue_submit(*queue, &submit, self.fence).map_err(|e| shared.error("submitting work", e))?;
+            drop(queue);
             shared.waits.fetch_add(1, Ordering::Relaxed);
             if let Err(e) = shared.device.wait_for_fences(&[self.fence], true, u64::MAX) {
                 // The device may still execute the commands, and buffers must outlive them. A lost device executes nothing, so an
                 // error of this wait can be ignored.
-                let _ = shared.device.queue_wait_idle(*queue);
+                let _ = shared.device.queue_wait_idle(*shared.queue());
                 return Err(shared.error("waiting for the device", e));
             }
         }
@@ -111,7 +107,7 @@ impl Commands {
     }
 
     /// Ends the recording with a barrier, so that the host and all later submits see the writes of the recorded commands.
-    fn finish(&mut self) -> Result<vk::CommandBuffer> {
+    pub fn finish(&mut self) -> Result<vk::CommandBuffer> {
         assert!(self.recording, "a submit needs a recording");
         self.barrier(
             (
@@ -164,7 +160,7 @@ mod tests {
         let mut commands = Commands::new(shared).unwrap();
         // SAFETY: the fence is unsignalled, the lock makes this the queue's only user, and the queue is idle afterwards.
         unsafe {
-            let queue = shared.submitting();
+            let queue = shared.queue();
             shared.device.queue_submit(*queue, &[], commands.fence).unwrap();
             shared.device.queue_wait_idle(*queue).unwrap();
         }
@@ -177,7 +173,7 @@ mod tests {
             }
             commands.barrier(transfer, transfer);
         }
-        commands.submit(None).unwrap();
+        commands.submit(shared.queue(), vec![]).unwrap();
         assert!(buffer.with::<u32, _>(count, |seen| seen.iter().all(|&x| x == 9)).unwrap());
     }
 }

@@ -3,7 +3,7 @@
 #![warn(missing_docs)]
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 
@@ -13,12 +13,13 @@ use super::info::{DeviceInfo, choose};
 use super::instance::{Instance, device_error, has_extension};
 use super::kernel::KernelCache;
 use super::shared::{Shared, lost_after};
-use super::staging::Staging;
+use super::staging::{Area, Staging};
+use super::turns::Turns;
 use crate::error::{Error, Result};
 use crate::threads::start_pool;
 
 /// An open device with one compute queue. Clones are cheap and share the device; dropping the last clone closes the device.
-/// Threads may share a device: their submits run one after the other.
+/// Threads may share a device: it runs their submits one after the other.
 #[derive(Clone)]
 pub struct Device {
     pub(super) shared: Arc<Shared>,
@@ -97,13 +98,13 @@ impl Device {
 
     /// Submits the writes that wait in staging memory, then `commands`, and waits for the device.
     pub(super) fn submit(&self, commands: &mut Commands) -> Result<()> {
-        let mut staging = self.staging();
-        if staging.has_writes() {
-            return staging.submit_before(commands);
-        }
-        // Without pending writes the lock is not needed, so other threads may write to staging memory during this submit.
-        drop(staging);
-        commands.submit(None)
+        // No other submit comes between taking the writes and submitting them: its commands may need them.
+        let queue = self.shared.queue();
+        let mut areas = self.staging().take_writes();
+        let writes = areas.iter_mut().map(Area::finish).collect::<Result<_>>();
+        let done = writes.and_then(|writes| commands.submit(queue, writes));
+        self.staging().give_back(areas);
+        done
     }
 }
 
@@ -149,7 +150,8 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
     // From here on, `drop` destroys the device, even after an error.
     let mut shared = Shared {
         device,
-        queue: RwLock::new(queue),
+        queue: Mutex::new(queue),
+        turns: Turns::default(),
         queue_family: family as u32,
         memory,
         cache: vk::PipelineCache::null(),
@@ -167,7 +169,7 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
     shared.cache = unsafe { shared.device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
         .map_err(|e| device_error("creating the pipeline cache", e))?;
     let shared = Arc::new(shared);
-    let staging = Arc::new(Mutex::new(Staging::new(shared.clone())));
+    let staging = Arc::new(Mutex::new(Staging::default()));
     Ok(Device { shared, staging, kernels: Arc::default() })
 }
 

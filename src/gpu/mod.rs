@@ -25,6 +25,7 @@ mod shared;
 mod spirv;
 mod staging;
 mod texels;
+mod turns;
 
 pub use allocate::{Allocate, BufferList};
 pub use bindings::Bindings;

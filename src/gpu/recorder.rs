@@ -5,7 +5,8 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::NoUninit;
 
-use super::bindings::Bindings;
+use super::allocation::Allocation;
+use super::bindings::{Bindings, DescriptorSets};
 use super::buffer::Buffer;
 use super::commands::Commands;
 use super::device::Device;
@@ -26,7 +27,22 @@ pub struct Recorder {
     queries: vk::QueryPool,
     labels: Vec<&'static str>,
     /// Keeps everything that is recorded alive until the device has executed it.
-    kept: Vec<Arc<dyn Send + Sync>>,
+    kept: Vec<Kept>,
+}
+
+/// What the recorded commands use.
+enum Kept {
+    Sets(Arc<DescriptorSets>),
+    Memory(Arc<Allocation>),
+}
+
+impl Kept {
+    fn allocations(&self) -> &[Arc<Allocation>] {
+        match self {
+            Kept::Sets(sets) => &sets.buffers,
+            Kept::Memory(allocation) => std::slice::from_ref(allocation),
+        }
+    }
 }
 
 impl Recorder {
@@ -51,7 +67,8 @@ impl Recorder {
             d.cmd_reset_query_pool(self.commands.buffer, self.queries, 0, MAX_QUERIES);
         }
         self.labels.clear();
-        self.stamp("", vk::PipelineStageFlags::TOP_OF_PIPE);
+        // The device writes the first timestamp when it has ended the submits of other threads.
+        self.stamp("", vk::PipelineStageFlags::BOTTOM_OF_PIPE);
         Ok(())
     }
 
@@ -93,7 +110,7 @@ impl Recorder {
         );
         self.begin()?;
         self.bind(kernel, bindings, constants);
-        self.kept.push(allocation.clone());
+        self.kept.push(Kept::Memory(allocation.clone()));
         // SAFETY: pipeline, sets and immediates are bound. The arguments lie inside the buffer, which has the indirect usage and
         // is kept alive.
         unsafe {
@@ -122,7 +139,7 @@ impl Recorder {
                 d.cmd_push_constants(commands, pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, used);
             }
         }
-        self.kept.push(bound.clone());
+        self.kept.push(Kept::Sets(bound.clone()));
     }
 
     fn finish_dispatch(&mut self, label: &'static str) {
@@ -152,7 +169,7 @@ impl Recorder {
         let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];
         // SAFETY: recording has begun. The range lies inside both buffers, which have the transfer usages and are kept alive.
         unsafe { self.device.shared.device.cmd_copy_buffer(self.commands.buffer, from.handle, to.handle, &region) };
-        self.kept.extend([from.clone() as Arc<dyn Send + Sync>, to.clone()]);
+        self.kept.extend([from, to].map(|memory| Kept::Memory(memory.clone())));
         Ok(())
     }
 
@@ -173,7 +190,11 @@ impl Recorder {
         if !self.commands.is_recording() {
             return Ok(vec![]);
         }
+        let used = self.kept.iter().flat_map(Kept::allocations).map(Arc::as_ref);
+        // The host accesses memory that is not mapped through staging memory alone.
+        let turn = self.device.shared.turns.of_device(used.filter(|memory| memory.mapping.is_some()));
         let done = self.device.submit(&mut self.commands);
+        drop(turn);
         self.kept.clear();
         done?;
         self.timing()

@@ -1,19 +1,21 @@
 //! State of an open device that all its buffers, kernels and recorders share: handles, queue and counters.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 
 use super::info::DeviceInfo;
 use super::instance::{Instance, device_error};
+use super::turns::Turns;
 use crate::error::{Error, Result};
 
 /// An open device. Dropping the last reference closes the device.
 pub(super) struct Shared {
     pub device: ash::Device,
-    /// A submit holds the lock for writing until the device has finished. A host access to a buffer holds it for reading.
-    pub queue: RwLock<vk::Queue>,
+    /// A submit holds the lock until its commands are in the queue, not until they have ended.
+    pub queue: Mutex<vk::Queue>,
+    pub turns: Turns,
     pub queue_family: u32,
     pub memory: vk::PhysicalDeviceMemoryProperties,
     pub cache: vk::PipelineCache,
@@ -59,16 +61,10 @@ impl Shared {
         device_error(doing, e)
     }
 
-    /// Locks the queue for one submit and the wait for it. Meanwhile no other thread submits, and no host thread accesses a
-    /// buffer.
-    pub fn submitting(&self) -> RwLockWriteGuard<'_, vk::Queue> {
-        // A poisoned lock is no problem: each submit waits for the device before it drops the guard, so no work is left.
-        self.queue.write().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Locks the queue while the host reads or writes buffers. The device is idle as long as the guard lives.
-    pub fn host_access(&self) -> RwLockReadGuard<'_, vk::Queue> {
-        self.queue.read().unwrap_or_else(PoisonError::into_inner)
+    /// Locks the queue.
+    pub fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        // A poisoned lock is no problem: the queue is only a handle.
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Host memory for copies to and from device memory that is not mapped. It is allocated once per device.
+//! Host memory for copies to and from device memory that is not mapped. It is kept for later copies.
 
 use std::sync::Arc;
 
@@ -6,24 +6,29 @@ use ash::vk;
 
 use super::allocation::Allocation;
 use super::commands::Commands;
+use super::device::Device;
 use super::drive::FOR_HOST;
 use super::shared::Shared;
 use crate::error::Result;
 
-/// Size of the staging memory in bytes: one submit cannot copy more. It is small for the host, but large enough for everything
-/// that an iteration writes between two submits, except a large pool of light vertices.
+/// Size of an area of staging memory in bytes, small for the host.
 const SIZE: u64 = 16 << 20;
+/// Maximum number of areas that wait for a submit. They hold everything that most iterations write between two submits.
+const MAX_WAITING: usize = 4;
 /// Every copy begins at a multiple of this number of bytes.
 const ALIGNMENT: u64 = 16;
 
-/// Staging memory of a device. Writes wait here for the next submit, which executes them first.
+/// Staging memory of a device. Writes wait here for the next submit, of any thread, which executes them first. If all memory is mapped,
+/// there is none.
+#[derive(Default)]
 pub(super) struct Staging {
-    shared: Arc<Shared>,
-    /// `None` until the first copy. If all memory is mapped, there are no copies.
-    area: Option<Area>,
+    /// Areas whose writes wait for the next submit, in order.
+    waiting: Vec<Area>,
+    free: Vec<Area>,
 }
 
-struct Area {
+/// A piece of staging memory, and the copies from it to its targets. It has one owner: the staging memory of the device or a submit.
+pub(super) struct Area {
     memory: Allocation,
     commands: Commands,
     /// Number of bytes, from the beginning of the memory, that hold data to be copied.
@@ -32,77 +37,90 @@ struct Area {
     targets: Vec<Arc<Allocation>>,
 }
 
+/// Writes `bytes` to `to` from `offset` on. The next submit executes the write first; if too many writes wait, this function submits
+/// them. Panics if the range does not lie inside `to`.
+pub(super) fn write(device: &Device, to: &Arc<Allocation>, offset: u64, bytes: &[u8]) -> Result<()> {
+    let mut written = 0;
+    while written < bytes.len() {
+        let mut staging = device.staging();
+        if staging.is_full() {
+            drop(staging);
+            flush(device)?;
+            continue;
+        }
+        let area = staging.area(&device.shared)?;
+        let part = &bytes[written..bytes.len().min(written + (SIZE - area.used) as usize)];
+        area.put(to, offset + written as u64, part)?;
+        written += part.len();
+    }
+    Ok(())
+}
+
+/// Reads `into.len()` bytes of `from` from `offset` on, after all writes so far, and waits for the device. Panics if the range does not
+/// lie inside `from`.
+pub(super) fn read(device: &Device, from: &Arc<Allocation>, offset: u64, into: &mut [u8]) -> Result<()> {
+    let mut area = device.staging().free_area(&device.shared)?;
+    let mut places = (offset..).step_by(SIZE as usize).zip(into.chunks_mut(SIZE as usize));
+    let done = places.try_for_each(|(offset, part)| area.take(device, from, offset, part));
+    device.staging().give_back(vec![area]);
+    done
+}
+
+/// Submits the waiting writes, and waits for the device.
+fn flush(device: &Device) -> Result<()> {
+    let mut empty = device.staging().free_area(&device.shared)?;
+    empty.commands.begin()?;
+    let done = device.submit(&mut empty.commands);
+    device.staging().give_back(vec![empty]);
+    done
+}
+
 impl Staging {
-    pub fn new(shared: Arc<Shared>) -> Staging {
-        Staging { shared, area: None }
+    /// The areas whose writes wait for a submit.
+    pub fn take_writes(&mut self) -> Vec<Area> {
+        std::mem::take(&mut self.waiting)
     }
 
-    /// Whether there are writes that wait for the next submit.
-    pub fn has_writes(&self) -> bool {
-        self.area.as_ref().is_some_and(|area| area.commands.is_recording())
+    /// Takes back areas that the device has finished with.
+    pub fn give_back(&mut self, areas: Vec<Area>) {
+        for mut area in areas {
+            area.used = 0;
+            area.targets.clear();
+            self.free.push(area);
+        }
     }
 
-    /// Submits the pending writes, then `commands`, and waits for the device.
-    pub fn submit_before(&mut self, commands: &mut Commands) -> Result<()> {
-        let area = self.area()?;
-        let done = commands.submit(Some(&mut area.commands));
-        area.clear();
-        done
+    fn is_full(&self) -> bool {
+        self.waiting.len() == MAX_WAITING && self.waiting.last().is_some_and(|area| area.used == SIZE)
     }
 
-    /// Writes `bytes` to `to` from `offset` on. The next submit executes the write first; if the staging memory is full, this
-    /// function submits. Panics if the range does not lie inside `to`.
-    pub fn write(&mut self, to: &Arc<Allocation>, offset: u64, bytes: &[u8]) -> Result<()> {
-        let mut written = 0;
-        while written < bytes.len() {
-            if self.area()?.used == SIZE {
-                self.flush()?;
+    /// The area for the next write, with some room.
+    fn area(&mut self, shared: &Arc<Shared>) -> Result<&mut Area> {
+        if self.waiting.last().is_none_or(|area| area.used == SIZE) {
+            let mut area = self.free_area(shared)?;
+            area.commands.begin()?;
+            self.waiting.push(area);
+        }
+        Ok(self.waiting.last_mut().expect("pushed above"))
+    }
+
+    fn free_area(&mut self, shared: &Arc<Shared>) -> Result<Area> {
+        match self.free.pop() {
+            Some(area) => Ok(area),
+            None => {
+                let memory = Allocation::new(shared, "staging", SIZE, FOR_HOST)?;
+                Ok(Area { memory, commands: Commands::new(shared)?, used: 0, targets: vec![] })
             }
-            let area = self.area()?;
-            let part = &bytes[written..bytes.len().min(written + (SIZE - area.used) as usize)];
-            area.put(to, offset + written as u64, part)?;
-            written += part.len();
         }
-        Ok(())
-    }
-
-    /// Reads `into.len()` bytes of `from` from `offset` on, and waits for the device. Panics if the range does not lie inside
-    /// `from`.
-    pub fn read(&mut self, from: &Arc<Allocation>, offset: u64, into: &mut [u8]) -> Result<()> {
-        self.flush()?;
-        let mut read = 0;
-        for part in into.chunks_mut(SIZE as usize) {
-            self.area()?.take(from, offset + read, part)?;
-            read += part.len() as u64;
-        }
-        Ok(())
-    }
-
-    /// Submits the pending writes, if there are any, and waits for the device.
-    fn flush(&mut self) -> Result<()> {
-        let area = self.area()?;
-        if !area.commands.is_recording() {
-            return Ok(());
-        }
-        let done = area.commands.submit(None);
-        area.clear();
-        done
-    }
-
-    fn area(&mut self) -> Result<&mut Area> {
-        if self.area.is_none() {
-            self.area = Some(Area {
-                memory: Allocation::new(&self.shared, "staging", SIZE, FOR_HOST)?,
-                commands: Commands::new(&self.shared)?,
-                used: 0,
-                targets: vec![],
-            });
-        }
-        Ok(self.area.as_mut().expect("made above"))
     }
 }
 
 impl Area {
+    /// Ends the recording of the copies, for a submit.
+    pub fn finish(&mut self) -> Result<vk::CommandBuffer> {
+        self.commands.finish()
+    }
+
     /// Copies `bytes` to the staging memory and records the copy from there to `to`. Panics if there is no room.
     fn put(&mut self, to: &Arc<Allocation>, offset: u64, bytes: &[u8]) -> Result<()> {
         let size = bytes.len() as u64;
@@ -110,30 +128,25 @@ impl Area {
         let address = self.address();
         // SAFETY: the range was checked. `&mut self` keeps other host threads away, and no submit uses the memory.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), address.add(self.used as usize), bytes.len()) };
-        self.begin()?;
         // This write may overlap an earlier one, and must come after it.
         let transfer = vk::PipelineStageFlags::TRANSFER;
         self.commands.barrier((transfer, vk::AccessFlags::TRANSFER_WRITE), (transfer, vk::AccessFlags::TRANSFER_WRITE));
         self.record_copy((&self.memory, self.used), (to, offset), size);
         self.targets.push(to.clone());
-        self.used = (self.used + size).next_multiple_of(ALIGNMENT);
+        self.used = (self.used + size).next_multiple_of(ALIGNMENT).min(SIZE);
         Ok(())
     }
 
-    /// Fills `into` from `from`. Panics if `into` is larger than the staging memory. The caller has flushed all pending writes.
-    fn take(&mut self, from: &Arc<Allocation>, offset: u64, into: &mut [u8]) -> Result<()> {
+    /// Fills `into` from `from`. Panics if `into` is larger than the staging memory.
+    fn take(&mut self, device: &Device, from: &Arc<Allocation>, offset: u64, into: &mut [u8]) -> Result<()> {
         let size = into.len() as u64;
         assert!(size <= SIZE && offset + size <= from.size, "{}: read past the end", from.name);
-        self.begin()?;
+        self.commands.begin()?;
         self.record_copy((from, offset), (&self.memory, 0), size);
-        self.commands.submit(None)?;
+        device.submit(&mut self.commands)?;
         // SAFETY: the range was checked, and the device has written it. `&mut self` keeps other host threads away.
         unsafe { std::ptr::copy_nonoverlapping(self.address(), into.as_mut_ptr(), into.len()) };
         Ok(())
-    }
-
-    fn begin(&mut self) -> Result<()> {
-        if self.commands.is_recording() { Ok(()) } else { self.commands.begin() }
     }
 
     /// Records a copy of `size` bytes from one (allocation, offset) to another. The callers have checked the ranges.
@@ -145,11 +158,6 @@ impl Area {
             let device = &self.memory.shared.device;
             device.cmd_copy_buffer(self.commands.buffer, from.0.handle, to.0.handle, &region);
         }
-    }
-
-    fn clear(&mut self) {
-        self.used = 0;
-        self.targets.clear();
     }
 
     fn address(&self) -> *mut u8 {
@@ -178,7 +186,7 @@ fn triple(@builtin(global_invocation_id) id: vec3<u32>) {
     #[test]
     fn data_larger_than_the_staging_memory_goes_there_and_back() {
         let device = open(Drive::CARD);
-        let count = (5 * SIZE / 2 / 4) as usize;
+        let count = (11 * SIZE / 2 / 4) as usize;
         let mut expected: Vec<u32> = (0..count as u32).collect();
         let mut buffer = Buffer::from_slice(&device, "numbers", &expected, "").unwrap();
         // Overwrite a part that may still wait for its submit, at an offset that is not aligned.
