@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use taugate::internals::gpu::{Device, DeviceInfo, DeviceKind};
+use taugate::internals::gpu::{Device, DeviceInfo, DeviceKind, Drive};
 
 use crate::app::cli::DevicesArgs;
 
@@ -19,7 +19,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     for (index, device) in devices.iter().enumerate() {
         super::print(&format!(
             "{index}: {}{}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
-             {}, one texel buffer {}\n",
+             {}, one texel buffer {}\n   host and device: {}\n",
             device.name,
             match device.kind {
                 DeviceKind::Discrete => " (discrete card)",
@@ -36,9 +36,18 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
             mebibytes(device.max_allocation),
             mebibytes(device.max_storage_buffer_range),
             mebibytes(device.largest_texel_buffer()),
+            describe(device.drive),
         ))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// How host and device work together.
+fn describe(drive: Drive) -> String {
+    let memory = if drive.maps_memory { "one memory" } else { "copies between their memories" };
+    let waits = if drive.waits_per_bounce { "a wait per bounce" } else { "a wait per tile" };
+    let in_flight = if drive.in_flight == 1 { "one iteration at a time" } else { "two iterations at a time" };
+    format!("{memory}, {waits}, {in_flight}")
 }
 
 fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
@@ -54,6 +63,7 @@ fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
         "max_storage_buffer_range": device.max_storage_buffer_range,
         "max_texels": device.max_texels,
         "subgroup_size": device.subgroup_size,
+        "drive": device.drive,
         "unusable": device.unusable,
     })
 }

@@ -66,6 +66,8 @@ struct Numbers<'a> {
     /// Seconds of all iterations of this process, and their stages. The last stage is the rest of the time.
     render_seconds: f64,
     stages: Vec<Stage>,
+    /// Share of these seconds in which the device ran kernels; null if it has no timestamps.
+    device_share: Option<f64>,
     rays_per_second: f64,
     /// Mean over all pixels and channels. The standard error is estimated from whole iterations; it is null with fewer than two.
     image_mean: f64,
@@ -129,6 +131,7 @@ impl Report<'_> {
             prepare_stages: self.preparation.stages(stats),
             render_seconds: self.seconds,
             stages: stats.stages(self.seconds),
+            device_share: stats.device_share(self.seconds),
             rays_per_second: self.position().rays_per_second(),
             image_mean,
             image_mean_standard_error,

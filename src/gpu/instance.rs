@@ -110,7 +110,7 @@ impl Instance {
         let (forced, max_texels_forced) = (Drive::forced()?, max_texels_forced()?);
         let describe = |d| {
             let info = describe(&self.handle, d);
-            let (drive, max_texels) = (forced.unwrap_or(info.drive), info.max_texels.min(max_texels_forced));
+            let (drive, max_texels) = (forced(info.drive), info.max_texels.min(max_texels_forced));
             (d, DeviceInfo { drive, max_texels, ..info })
         };
         Ok(devices.into_iter().map(describe).collect())

@@ -80,7 +80,6 @@ mod tests {
     use std::sync::mpsc;
     use std::time::Duration;
 
-    use super::*;
     use crate::gpu::{Buffer, Device, Drive};
 
     #[test]

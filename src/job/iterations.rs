@@ -96,7 +96,7 @@ pub fn run(renderer: &mut Renderer, schedule: Schedule) -> Result<()> {
 pub fn begin(renderer: &mut Renderer, schedule: &Schedule, elapsed: Duration) -> Option<u32> {
     let rendered = renderer.rendered();
     let next = schedule.next(rendered, elapsed.as_secs_f64())?;
-    if schedule.has_gaps() {
+    if next.after_gap {
         renderer.go_to(next.number);
     }
     renderer.announce(schedule.following(rendered, next));

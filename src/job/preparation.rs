@@ -37,6 +37,6 @@ impl Preparation {
     /// The stages of the preparation, in the form of [`Stats::stages`]: the parts timed here, then the parts timed by the renderer.
     pub fn stages(&self, renderer: &Stats) -> Vec<Stage> {
         let own = renderer.prepare_seconds.iter().map(|(name, seconds)| (name.clone(), *seconds));
-        Stage::list(self.parts.iter().cloned().chain(own), self.seconds)
+        Stage::list(self.parts.iter().cloned().chain(own), self.seconds, 0.0)
     }
 }

@@ -15,7 +15,6 @@ use crate::wgsl::layout::{Emitter, Frame};
 
 /// Buffers of group 0, with their names in WGSL.
 pub struct DeviceScene {
-    frame: Buffer,
     emitters: Buffer,
     /// Read-only while two renderers share them.
     buffers: Arc<Vec<(&'static str, Buffer)>>,
@@ -93,7 +92,8 @@ fn emitters_buffer(device: &Device, prepared: &PreparedScene) -> Result<Buffer> 
     Ok(upload(device, part.expect("a scene has emitters"))?.1)
 }
 
-fn frame_buffer(device: &Device) -> Result<Buffer> {
+/// A buffer for the frame of one phase of an iteration.
+pub fn frame_buffer(device: &Device) -> Result<Buffer> {
     Buffer::new::<Frame>(device, "frame", 1, "choose another --device")
 }
 
@@ -117,19 +117,14 @@ impl DeviceScene {
         prepared.geometry.texels.write(scene, |offset, bytes| texels.write(offset, bytes))?;
         buffers.push(("texels", texels));
         let emitters = emitters_buffer(device, prepared)?;
-        Ok(DeviceScene { frame: frame_buffer(device)?, emitters, buffers: Arc::new(buffers) })
+        Ok(DeviceScene { emitters, buffers: Arc::new(buffers) })
     }
 
-    /// A device scene for another renderer of the same scene. It has its own frame and emitters and shares all other arrays, which
+    /// A device scene for another renderer of the same scene. It has its own emitters and shares all other arrays, which
     /// cannot be replaced while both exist.
     pub fn share(&self, device: &Device, prepared: &PreparedScene) -> Result<DeviceScene> {
         let emitters = emitters_buffer(device, prepared)?;
-        Ok(DeviceScene { frame: frame_buffer(device)?, emitters, buffers: self.buffers.clone() })
-    }
-
-    /// Writes the frame, which the kernels of the next dispatches read.
-    pub fn write_frame(&mut self, frame: &Frame) -> Result<()> {
-        self.frame.write(0, &[*frame])
+        Ok(DeviceScene { emitters, buffers: self.buffers.clone() })
     }
 
     /// Replaces the emitters; their number must stay the same.
@@ -147,10 +142,10 @@ impl DeviceScene {
         buffer.expect("the scene has all its arrays").1.write(0, aims)
     }
 
-    /// All buffers of group 0; a kernel may use any of them.
-    pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
+    /// All buffers of group 0, for kernels that read `frame`; a kernel may use any of them.
+    pub fn bindings<'a>(&'a self, frame: &'a Buffer) -> Vec<(&'a str, &'a Buffer)> {
         let mut all: Vec<_> = self.buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
-        all.extend([("frame", &self.frame), (EMITTERS, &self.emitters)]);
+        all.extend([("frame", frame), (EMITTERS, &self.emitters)]);
         all
     }
 

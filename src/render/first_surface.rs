@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::device_scene::DeviceScene;
+use super::device_scene::{DeviceScene, frame_buffer};
 use super::plan::{Iteration, Plan};
 use super::prepared_scene::PreparedScene;
 use super::stats::computes_wrongly;
@@ -48,13 +48,14 @@ pub fn first_surfaces(
     // The estimator does not matter here, but some estimators refuse scenes that this one accepts.
     let settings = settings.change().estimator(Estimator::UNGATED).build()?;
     let plan = Plan::new(scene, &settings, prepared, device.info().quirks)?;
-    let mut on_device = DeviceScene::new(device, scene, prepared)?;
-    on_device.write_frame(&plan.frame(&Iteration { number: 0, first_sample: 0, samples: 1 }, None))?;
+    let on_device = DeviceScene::new(device, scene, prepared)?;
+    let mut frame = frame_buffer(device)?;
+    frame.write(0, &[plan.frame(&Iteration { number: 0, first_sample: 0, samples: 1 }, None)])?;
     let mut constants = plan.constants();
     constants.push(("AT_HALF_COVERAGE", 1.0));
     let kernel = Kernel::new(device, "first_surface", "first_surface", &constants)?;
     let surfaces = Buffer::new::<[u32; 8]>(device, "first surfaces", BATCH as usize, REMEDY)?;
-    let mut buffers = on_device.bindings();
+    let mut buffers = on_device.bindings(&frame);
     buffers.push(("surfaces", &surfaces));
     let bindings = kernel.bind(&buffers)?;
     let mut recorder = Recorder::new(device)?;

@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Renderer;
 use super::contribution::Contribution;
+use super::light_phase::{Beside, Progress};
 use super::plan::{Iteration, Observe};
-use super::pool::SortedPool;
 use super::samples::SampleCounts;
-use super::schedule::Following;
+use super::schedule::{Following, Planned};
 use super::sensor::Tiles;
 use super::stats::stage;
 use crate::error::{Error, Result};
@@ -76,80 +76,96 @@ impl Renderer {
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
 
         // Phases 1 and 2: light tracing, hierarchy construction. New vertices that the sensor sees add to the image (t = 1).
+        let lit = match self.ahead.take().filter(|lit| lit.iteration == iteration) {
+            Some(lit) => lit,
+            None => self.light.run(&self.plan, iteration, |_| ())?,
+        };
+        self.stats.add_light(&lit.stats);
+        let pool = lit.pool;
         let mut splats = vec![];
-        let pool = self.build_pool(&iteration, &mut |splat: Contribution| match observe {
-            Observe::Nothing => splat.add_to(&mut image),
-            Observe::Responses => {
-                splat.add_to(&mut image);
-                splats.push(splat.arrival());
+        for splat in lit.splats {
+            match observe {
+                Observe::Nothing => splat.add_to(&mut image),
+                Observe::Responses => {
+                    splat.add_to(&mut image);
+                    splats.push(splat.arrival());
+                }
+                Observe::Times | Observe::Strategies => visit(splat),
             }
-            Observe::Times | Observe::Strategies => visit(splat),
-        })?;
+        }
         if stop.load(Ordering::Relaxed) {
             return Ok(false);
         }
 
-        // Phase 3: sensor tracing, light-cone shell queries and connections, tile by tile.
-        let Renderer { device, plan, scene, sensor, allocation, film, responses, stats, .. } = self;
-        if let Some(responses) = responses {
-            stats.timed(stage::SORT_ARRIVALS, || responses.begin(splats, samples));
-        }
-        let sensor = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
-        sensor.begin(stop);
-        let mut tiles =
-            stats.timed(stage::RECORD, || Tiles::new(plan.crop, &|pixel| plan.sensor_samples(counts.of(pixel))));
-        while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(sensor.tile_size())) {
-            let mut subpaths = sensor.start(plan, tile, &pool, stats)?;
-            for bounce in 0..plan.max_depth {
-                subpaths.trace(bounce)?;
-                subpaths.query()?;
-                subpaths.connect()?;
-                if subpaths.have_ended()? {
-                    break;
+        let next = self.light_ahead(counts.max());
+        let Renderer { plan, scene, light, ahead, sensor, allocation, film, responses, stats, .. } = self;
+        let merged = std::thread::scope(|scope| -> Result<Option<f64>> {
+            // Phases 1 and 2 of the next iteration, in another thread. Their first part comes before phase 3 of this one, so that the host
+            // builds trees while the device traces sensor subpaths.
+            let beside = next.map(|next| light.start(scope, plan, next)).transpose()?;
+
+            // Phase 3: sensor tracing, light-cone shell queries and connections, tile by tile.
+            if let Some(responses) = responses {
+                stats.timed(stage::SORT_ARRIVALS, || responses.begin(splats, samples));
+            }
+            let sensor = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
+            sensor.begin(stop);
+            let mut tiles =
+                stats.timed(stage::RECORD, || Tiles::new(plan.crop, &|pixel| plan.sensor_samples(counts.of(pixel))));
+            stats.timed(stage::WAIT_FOR_LIGHT, || Beside::wait(&beside, Progress::Traced));
+            while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(sensor.tile_size())) {
+                let mut subpaths = sensor.start(plan, tile, &pool, stats)?;
+                for bounce in 0..plan.max_depth {
+                    subpaths.trace(bounce)?;
+                    subpaths.query()?;
+                    subpaths.connect()?;
+                    if subpaths.have_ended()? {
+                        break;
+                    }
+                }
+                if is_last && plan.tuning.holds_for_light {
+                    Beside::wait(&beside, Progress::Done);
+                }
+                let Some(found) = subpaths.resolve(is_last)? else { return Ok(None) };
+                found.contributions.into_iter().flatten().for_each(&mut *visit);
+                if let Some(responses) = responses {
+                    stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &found.arrivals));
                 }
             }
-            let Some(found) = subpaths.resolve(is_last)? else { return Ok(false) };
-            found.contributions.into_iter().flatten().for_each(&mut *visit);
+
+            // Film. The allocation learns the error per pixel for later iterations.
+            let learn = |seen: &[[f32; 4]], image: &[f32]| {
+                if let Some(allocation) = allocation {
+                    allocation.add(seen, image, &counts, samples);
+                }
+            };
+            let merged = sensor.add_film(&mut image, learn, stats)?;
+            if !observe.has_strategies() {
+                let image = responses.as_ref().map_or(&image[..], |responses| responses.total());
+                stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
+            }
             if let Some(responses) = responses {
-                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &found.arrivals));
+                responses.end();
             }
-        }
+            // An error of the next iteration's light shows in that iteration, which traces it again.
+            *ahead = stats.timed(stage::WAIT_FOR_LIGHT, || beside.and_then(|beside| beside.end().ok()));
+            Ok(Some(merged))
+        })?;
+        let Some(merged) = merged else { return Ok(false) };
 
-        // Film. The allocation learns the error per pixel for later iterations.
-        let learn = |seen: &[[f32; 4]], image: &[f32]| {
-            if let Some(allocation) = allocation {
-                allocation.add(seen, image, &counts, samples);
-            }
-        };
-        let merged = sensor.add_film(&mut image, learn, stats)?;
-        if !observe.has_strategies() {
-            let image = responses.as_ref().map_or(&image[..], |responses| responses.total());
-            stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
-        }
-        if let Some(responses) = responses {
-            responses.end();
-        }
-
-        stats.waits += device.waits() - waits;
-        stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
+        self.stats.waits += self.device.waits() - waits;
+        self.stats.device_bytes = self.stats.device_bytes.max(self.device.bytes_in_use());
         self.finish_iteration(counts.max(), merged);
         Ok(true)
     }
 
-    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Also traces photons, if
-    /// the render merges. Calls `visit` with every vertex that the sensor sees (t = 1).
-    pub(super) fn build_pool(
-        &mut self,
-        iteration: &Iteration,
-        visit: &mut impl FnMut(Contribution),
-    ) -> Result<SortedPool> {
-        let Renderer { plan, scene, light, photons, stats, .. } = self;
-        scene.write_frame(&plan.frame(iteration, None))?;
-        let mut pool = light.run(plan, visit, stats)?.sort(plan, stats)?;
-        if let Some(photons) = photons {
-            pool.set_photons(photons.run(plan, iteration, stats)?);
-        }
-        Ok(pool)
+    /// The next iteration, if its light is to be traced beside phase 3 of the present one. `max`: see [`Renderer::finish_iteration`].
+    fn light_ahead(&self, max: u32) -> Option<Iteration> {
+        let in_flight = self.plan.tuning.in_flight.unwrap_or(self.device.info().drive.in_flight);
+        let (Following::Iteration(next) | Following::Perhaps(next)) = self.following else { return None };
+        let Planned { number, samples, after_gap } = next;
+        let first_sample = if after_gap { self.first_sample_after_gap(number) } else { self.first_sample + max };
+        (in_flight > 1).then_some(Iteration { number, first_sample, samples })
     }
 
     pub(super) fn next_iteration(&self, samples: u32) -> Iteration {

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use super::compaction::{COUNTERS, Compaction};
 use super::contribution::Contribution;
-use super::device_scene::DeviceScene;
 use super::plan::{Observe, Plan};
 use super::pool::LightPool;
 use super::stats::{Stats, computes_wrongly, stage};
@@ -197,16 +196,16 @@ impl Buffers {
 }
 
 impl LightTracer {
+    /// `scene`: the buffers of group 0. `punctual`: see [`LightTracer::set_punctual`].
     pub fn new(
         device: &Device,
-        scene: &DeviceScene,
+        scene: &[(&str, &Buffer)],
         plan: &Plan,
         compaction: &Arc<Compaction>,
         punctual: &[PathVertex],
     ) -> Result<LightTracer> {
         let buffers = Buffers::new(device, plan)?;
-        let mut shared = scene.bindings();
-        shared.extend(buffers.bindings());
+        let shared = [scene, &buffers.bindings()].concat();
         let listed = [&shared[..], &[("list", &buffers.list)]].concat();
         let make = |file: &'static str| -> Result<(Kernel, Bindings)> {
             let kernel = Kernel::new(device, file, file, &plan.constants())?;

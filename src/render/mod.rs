@@ -21,6 +21,7 @@ mod haze;
 mod iteration;
 mod layers;
 mod light;
+mod light_phase;
 pub mod material;
 mod media;
 mod memory;
@@ -75,6 +76,7 @@ pub use formed_light::formed_light;
 pub use haze::{Haze, haze};
 pub use layers::{layers, object_ids};
 use light::LightTracer;
+use light_phase::{LightPhase, Lit};
 pub use memory::MemoryPlan;
 pub use missing_light::{MissingLight, missing_light, missing_light_at_any_time};
 pub use pace::seconds_per_sample;
@@ -100,9 +102,9 @@ pub struct Renderer {
     device: Device,
     plan: Plan,
     scene: DeviceScene,
-    light: LightTracer,
-    /// `None` if the render does not merge.
-    photons: Option<PhotonTracer>,
+    light: LightPhase,
+    /// Light of the next iteration.
+    ahead: Option<Lit>,
     sensor: SensorPhase,
     /// `None` if every pixel has the same number of samples.
     allocation: Option<Allocation>,
@@ -199,15 +201,12 @@ impl Renderer {
             stats.prepared(stage::COMPILE, || precompile::compile_all(device, &plan))?;
         }
         let compaction = Arc::new(stats.prepared(stage::COMPILE, || Compaction::new(device, &plan.constants()))?);
-        let light = stats.prepared(stage::COMPILE, || {
-            LightTracer::new(device, &scene, &plan, &compaction, &prepared.emitters.deterministic)
-        })?;
-        let photons = plan.merging.is_some().then(|| PhotonTracer::new(device, &scene, &plan, prepared)).transpose()?;
+        let light = stats.prepared(stage::COMPILE, || LightPhase::new(device, &scene, &plan, &compaction, prepared))?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = prepared.triangles() as u64;
         let film = Film::new(width, height);
         let device = device.clone();
-        let sensor = SensorPhase::new(&device, compaction);
+        let sensor = SensorPhase::new(&device, compaction)?;
         let allocation = plan.adaptive.then(|| Allocation::new(width, plan.crop_pixels));
         let responses = (plan.observe == Observe::Responses).then(|| ResponseSums::new(&plan, false));
         Ok(Renderer {
@@ -215,7 +214,7 @@ impl Renderer {
             plan,
             scene,
             light,
-            photons,
+            ahead: None,
             sensor,
             allocation,
             film,

@@ -9,7 +9,6 @@ mod source;
 use std::sync::Arc;
 
 use super::Renderer;
-use super::device_scene::DeviceScene;
 use super::geometry::Geometry;
 use super::media::Media;
 use super::missing_light::walk::World;
@@ -36,7 +35,7 @@ const BATCH: usize = 1 << 16;
 const MIN_PHOTONS: u64 = 1 << 12;
 const MAX_PHOTONS: u64 = 1 << 20;
 
-/// Traces photons. `None` as a field of the renderer if nothing merges.
+/// Traces photons.
 pub struct PhotonTracer {
     geometry: Arc<Geometry>,
     media: Arc<Media>,
@@ -72,7 +71,13 @@ impl<A: Allocate> Buffers<A> {
 }
 
 impl PhotonTracer {
-    pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan, prepared: &PreparedScene) -> Result<PhotonTracer> {
+    /// `scene`: the buffers of group 0.
+    pub fn new(
+        device: &Device,
+        scene: &[(&str, &Buffer)],
+        plan: &Plan,
+        prepared: &PreparedScene,
+    ) -> Result<PhotonTracer> {
         let buffers = Buffers::new(device, plan)?;
         let kernel = Kernel::new(device, PhotonTracer::FILE, PhotonTracer::FILE, &plan.constants())?;
         let own: [(&str, &Buffer); 4] = [
@@ -81,7 +86,7 @@ impl PhotonTracer {
             ("list", &buffers.list),
             ("counters", &buffers.counters),
         ];
-        let bindings = kernel.bind(&[&scene.bindings()[..], &own].concat())?;
+        let bindings = kernel.bind(&[scene, &own].concat())?;
         let recorder = Recorder::new(device)?;
         let (geometry, media) = (prepared.geometry.clone(), prepared.media.clone());
         let (source, sensor_aims) = (PhotonSource::new(prepared), prepared.aims.clone());

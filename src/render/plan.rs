@@ -49,11 +49,15 @@ pub struct Tuning {
     /// Number of contributions of sensor subpaths that the device keeps until the host reads them, or more if one bounce needs more.
     /// `None`: as many as take at most a few hundred megabytes. No effect if the device reports no contributions.
     pub observed: Option<usize>,
+    /// Number of iterations in flight, 1 or 2; see [`Drive::in_flight`](crate::gpu::Drive::in_flight). `None`: that of the device.
+    pub in_flight: Option<u32>,
+    /// Holds back the last tile of an iteration until the light of the next one is there, to show that the device need not wait for it.
+    pub holds_for_light: bool,
 }
 
 impl Default for Tuning {
     fn default() -> Self {
-        Tuning { workgroup: 64, tile: None, observed: None }
+        Tuning { workgroup: 64, tile: None, observed: None, in_flight: None, holds_for_light: false }
     }
 }
 
@@ -84,7 +88,7 @@ impl Observe {
 }
 
 /// Identifies an iteration; the random numbers of its samples depend on it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Iteration {
     /// Index of the iteration, from 0.
     pub number: u32,

@@ -64,9 +64,7 @@ impl Renderer {
         let aims = self.plan.space.aims(camera);
         self.scene.write_aims(&aims)?;
         self.plan.set_camera(camera);
-        if let Some(photons) = &mut self.photons {
-            photons.set_camera(aims);
-        }
+        self.light.set_camera(aims);
         self.clear();
         Ok(true)
     }
@@ -95,11 +93,8 @@ impl Renderer {
     #[doc(hidden)]
     pub fn set_lights(&mut self, prepared: &PreparedScene) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
-        self.light.set_punctual(&prepared.emitters.deterministic);
+        self.light.set_lights(prepared);
         self.plan.set_lights(prepared);
-        if let Some(photons) = &mut self.photons {
-            photons.set_lights(prepared);
-        }
         self.clear();
         Ok(())
     }
@@ -128,7 +123,7 @@ impl Renderer {
         }
         self.done = Iterations::default();
         (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);
-        self.following = Following::Unknown;
+        (self.following, self.ahead) = (Following::Unknown, None);
         self.merged = MergedLight::default();
     }
 }

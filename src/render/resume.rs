@@ -78,15 +78,20 @@ impl Renderer {
         (self.next, self.first_sample) = (about.iterations.end(), about.next_sample);
         (self.done, self.dropped_before) = (about.iterations, about.dropped);
         self.merged = about.merged.unwrap_or_default();
+        self.ahead = None;
         Ok(())
     }
 
     /// Makes iteration `number` the next one. Its random numbers are those that it has in the whole render.
     #[doc(hidden)]
     pub fn go_to(&mut self, number: u32) {
-        self.next = number;
-        let before = samples_before(self.next) as u32;
+        (self.next, self.first_sample) = (number, self.first_sample_after_gap(number));
+    }
+
+    /// The sample of the random sequences at which iteration `number` begins, if iterations before it may be left out.
+    pub(super) fn first_sample_after_gap(&self, number: u32) -> u32 {
+        let before = samples_before(number) as u32;
         // With adaptive sampling a pixel may have had this many samples in the iterations before.
-        self.first_sample = if self.allocation.is_some() { MAX_SHARE * before } else { before };
+        if self.allocation.is_some() { MAX_SHARE * before } else { before }
     }
 }

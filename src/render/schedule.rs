@@ -103,16 +103,19 @@ pub struct Planned {
     pub number: u32,
     /// Samples per pixel, at least 1.
     pub samples: u32,
+    /// Whether iterations between it and the one before may be left out.
+    pub after_gap: bool,
 }
 
 /// What comes after an iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Following {
-    /// Not known yet: it depends on the time that iterations take.
     #[default]
     Unknown,
     Nothing,
     Iteration(Planned),
+    /// This iteration or nothing: it depends on the time that iterations take.
+    Perhaps(Planned),
 }
 
 impl Schedule {
@@ -153,7 +156,7 @@ impl Schedule {
                 (end, if runs { samples } else { 0 })
             }
         };
-        (samples > 0).then_some(Planned { number, samples })
+        (samples > 0).then(|| Planned { number, samples, after_gap: self.has_gaps() })
     }
 
     /// What comes after the iteration `planned` that follows `rendered`.
@@ -163,16 +166,14 @@ impl Schedule {
             Schedule::Part { .. } => false,
             Schedule::Turn { .. } => true,
         };
-        if is_timed {
-            return Following::Unknown;
-        }
         let (iterations, samples) = (rendered.iterations + 1, rendered.samples + u64::from(planned.samples));
         let after = Rendered { end: planned.number + 1, iterations, samples, ..rendered };
-        self.next(after, 0.0).map_or(Following::Nothing, Following::Iteration)
+        let following = if is_timed { Following::Perhaps } else { Following::Iteration };
+        self.next(after, 0.0).map_or(Following::Nothing, following)
     }
 
     /// Whether iterations may be left out between two of its own.
-    pub fn has_gaps(&self) -> bool {
+    fn has_gaps(&self) -> bool {
         match self {
             Schedule::Budget { shard, .. } => !shard.is_all(),
             Schedule::Part { .. } => true,

@@ -13,7 +13,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::compaction::{COUNTERS, indirect_over};
-use super::device_scene::DeviceScene;
 use super::plan::{Observe, Plan};
 use super::pool::DevicePool;
 use super::samples::MAX_SAMPLES_PER_PIXEL;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use crate::error::{Error, Result};
 use crate::gpu::Recorder;
 
-/// Names of the host stages of an iteration in [`Stats::stages`]. The stages do not overlap.
+/// Names of the host stages of an iteration in [`Stats::stages`].
 pub(super) mod stage {
     pub const COMPILE: &str = "compile kernels";
     pub const ALLOCATE: &str = "allocate buffers";
@@ -19,6 +19,7 @@ pub(super) mod stage {
     pub const ALLOCATE_SAMPLES: &str = "allocate samples";
     pub const READ_FILM: &str = "read film";
     pub const ADD_TO_FILM: &str = "add to film";
+    pub const WAIT_FOR_LIGHT: &str = "wait for light of the next iteration";
     pub const SORT_ARRIVALS: &str = "sort arrivals into responses";
 }
 
@@ -32,14 +33,14 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Stages from `parts` (name, seconds), which do not overlap, the longest first. The last stage, `unexplained`, is the rest
-    /// of the `wall` seconds.
-    pub fn list(parts: impl IntoIterator<Item = (String, f64)>, wall: f64) -> Vec<Stage> {
+    /// Stages from `parts` (name, seconds), the longest first. The last stage, `unexplained`, is the rest of the `wall` seconds and of
+    /// the seconds of a second thread, `beside`.
+    pub fn list(parts: impl IntoIterator<Item = (String, f64)>, wall: f64, beside: f64) -> Vec<Stage> {
         let stage = |(name, seconds)| Stage { name, seconds, share: seconds / wall.max(1e-9) };
         let mut all: Vec<Stage> = parts.into_iter().map(stage).collect();
         all.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
         let explained: f64 = all.iter().map(|stage| stage.seconds).sum();
-        all.push(stage(("unexplained".into(), wall - explained)));
+        all.push(stage(("unexplained".into(), wall + beside - explained)));
         all
     }
 }
@@ -76,6 +77,8 @@ pub struct Stats {
     pub host_seconds: BTreeMap<String, f64>,
     /// Wall time of all submits in seconds, including the wait for the device.
     pub submit_seconds: f64,
+    /// Seconds in which a second thread worked on the light of the next iteration. Its stages are in the other fields too.
+    pub beside_seconds: f64,
     /// Seconds before the first iteration, per stage.
     pub prepare_seconds: BTreeMap<String, f64>,
     /// Number of times that the host waited for the device during iterations.
@@ -100,6 +103,23 @@ impl Stats {
         self.submit_seconds += seconds;
         self.longest_submit = self.longest_submit.max(seconds);
         Ok(seconds)
+    }
+
+    /// Adds the counts and times of phases 1 and 2 of an iteration.
+    pub(super) fn add_light(&mut self, light: &Stats) {
+        self.light_paths += light.light_paths;
+        self.emitter_vertices += light.emitter_vertices;
+        self.scattered_vertices += light.scattered_vertices;
+        self.deterministic_vertices += light.deterministic_vertices;
+        self.closest_rays += light.closest_rays;
+        self.light_rays += light.light_rays;
+        self.inside_gate += light.inside_gate;
+        self.dropped += light.dropped;
+        self.submit_seconds += light.submit_seconds;
+        self.beside_seconds += light.beside_seconds;
+        self.longest_submit = self.longest_submit.max(light.longest_submit);
+        light.device_seconds.iter().for_each(|(label, &seconds)| add(&mut self.device_seconds, label, seconds));
+        light.host_seconds.iter().for_each(|(stage, &seconds)| add(&mut self.host_seconds, stage, seconds));
     }
 
     /// Counts rays of light subpaths.
@@ -133,15 +153,21 @@ impl Stats {
         add(&mut self.prepare_seconds, stage, seconds);
     }
 
-    /// Divides the `wall` seconds of the iterations into stages that do not overlap, the longest first: each kernel by its
-    /// timestamps, the rest of the submits, and each host stage. The last stage, `unexplained`, is the remaining time. It is
-    /// negative if the clocks of host and device disagree.
+    /// Divides the `wall` seconds of the iterations, and the seconds of the second thread, into stages: each kernel by its timestamps,
+    /// the rest of the submits, and each host stage, the longest first. The last stage, `unexplained`, is the remaining time. It is
+    /// negative if the clocks of host and device disagree. Shares are those of the `wall` seconds. So with a second thread their sum
+    /// exceeds 1.
     pub fn stages(&self, wall: f64) -> Vec<Stage> {
         let kernels: f64 = self.device_seconds.values().sum();
         let host = self.host_seconds.iter().map(|(name, &seconds)| (name.clone(), seconds));
         let device = self.device_seconds.iter().map(|(name, &seconds)| (format!("kernel {name}"), seconds));
         let waits = ("submits and waits".to_string(), self.submit_seconds - kernels);
-        Stage::list(host.chain(device).chain([waits]), wall)
+        Stage::list(host.chain(device).chain([waits]), wall, self.beside_seconds)
+    }
+
+    /// Fraction of the `wall` seconds of the iterations in which the device ran kernels. `None` if it has no timestamps.
+    pub fn device_share(&self, wall: f64) -> Option<f64> {
+        (!self.device_seconds.is_empty()).then(|| self.device_seconds.values().sum::<f64>() / wall.max(1e-9))
     }
 
     /// Fraction of the tried connections that pass the tests of gate, facing and depth, in 0..=1. `None` if no connection was

@@ -197,7 +197,7 @@ fn an_iteration_is_announced_when_the_one_before_begins() {
     let (mut announced, mut iterations) = (vec![], vec![]);
     let schedule = Schedule::Budget { budget: Budget::Spp(21), shard, before: 0.0 };
     while let Some(samples) = begin(&mut renderer, &schedule, Duration::ZERO) {
-        iterations.push(Following::Iteration(Planned { number: renderer.rendered().end, samples }));
+        iterations.push(Following::Iteration(Planned { number: renderer.rendered().end, samples, after_gap: true }));
         announced.push(renderer.following());
         renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(renderer.following(), Following::Unknown, "an iteration without an announcement");

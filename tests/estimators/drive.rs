@@ -6,6 +6,7 @@ use taugate::internals::generate::zoo::Light;
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::{Device, Drive};
 use taugate::internals::image::film::Film;
+use taugate::internals::render::schedule::{Following, Planned};
 use taugate::internals::render::{PreparedScene, Renderer, StrategyImage, StrategyImages, Tuning, probe};
 use taugate::internals::scene::{Medium, Scene};
 use taugate::internals::settings::gates::Gates;
@@ -18,9 +19,13 @@ const SAMPLES: [u32; 3] = [2, 3, 2];
 /// Paths per tile, so few that an iteration has several tiles. With `None`, the renderer adapts tiles and bounces per submit to
 /// the time that they take.
 const TILE: Option<usize> = Some(150);
-/// Drives that differ from `Drive::CPU` and `Drive::CARD` in one property each.
-const HALVES: [Drive; 2] =
-    [Drive { maps_memory: true, waits_per_bounce: false }, Drive { maps_memory: false, waits_per_bounce: true }];
+/// Drives that differ from `Drive::CPU` or `Drive::CARD` in one property each.
+const HALVES: [Drive; 4] = [
+    Drive { maps_memory: false, ..Drive::CPU },
+    Drive { waits_per_bounce: false, ..Drive::CPU },
+    Drive { in_flight: 2, ..Drive::CPU },
+    Drive { in_flight: 1, ..Drive::CARD },
+];
 
 pub fn open(drive: Drive) -> Device {
     Device::open_with_drive(None, Some(drive)).expect("these tests need a Vulkan device: run ./setup.sh")
@@ -37,7 +42,13 @@ fn renderer(device: &Device, scene: &Scene, settings: &Settings, tile: Option<us
 fn result(drive: Drive, scene: &Scene, settings: &Settings, tile: Option<usize>) -> (Vec<u32>, [u64; 7]) {
     let device = open(drive);
     let mut renderer = renderer(&device, scene, settings, tile);
-    SAMPLES.iter().for_each(|&samples| renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}")));
+    for (samples, next) in SAMPLES.into_iter().zip([1, 2, 3]) {
+        let planned = |&samples: &u32| Following::Iteration(Planned { number: next, samples, after_gap: false });
+        renderer.announce(SAMPLES.get(next as usize).map_or(Following::Nothing, planned));
+        renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+    }
+    let works_beside = renderer.stats().beside_seconds > 0.0;
+    assert_eq!(works_beside, drive.in_flight == 2, "{drive:?}");
     let mean = renderer.film().mean();
     assert!(mean.iter().any(|&x| x > 0.0), "a black image proves nothing");
     let s = renderer.stats();

@@ -18,6 +18,7 @@ mod fog_and_glass;
 mod furnace;
 mod grid;
 mod headlamp;
+mod in_flight;
 mod inside_glass;
 mod interiors;
 mod lamps;

@@ -218,6 +218,6 @@ fn merging_gives_the_same_bits_whatever_the_tiles() {
         };
         let usual = bits(Tuning::default());
         assert!(usual.iter().any(|&bits| bits != 0));
-        assert!(usual == bits(Tuning { tile: Some(100), workgroup: 32, observed: Some(1) }));
+        assert!(usual == bits(Tuning { tile: Some(100), workgroup: 32, observed: Some(1), ..Tuning::default() }));
     }
 }

@@ -44,7 +44,7 @@ fn moments(g: f64) -> [Vec<(f64, f64)>; 2] {
     let mut ratios = [vec![vec![]; ENDS.len() - 1], vec![vec![]; ENDS.len() - 1]];
     for _ in 0..ITERATIONS {
         let iteration = renderer.next_iteration(1);
-        let pool = renderer.build_pool(&iteration, &mut |_| ()).unwrap();
+        let pool = renderer.light.run(&renderer.plan, iteration, |_| ()).unwrap().pool;
         renderer.finish_iteration(1, 0.0);
         // The squared distance found, and the one expected with either coefficient.
         let mut sums = vec![[0.0; 3]; ENDS.len() - 1];

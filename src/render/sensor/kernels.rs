@@ -5,9 +5,8 @@ use std::sync::Arc;
 use super::buffers::Buffers;
 use crate::error::Result;
 use crate::estimators::Ellipsoids;
-use crate::gpu::{Bindings, Device, Kernel};
+use crate::gpu::{Bindings, Buffer, Device, Kernel};
 use crate::render::compaction::{Compaction, CompactionBindings};
-use crate::render::device_scene::DeviceScene;
 use crate::render::plan::Plan;
 use crate::render::pool::DevicePool;
 
@@ -69,15 +68,10 @@ impl Kernels {
         })
     }
 
-    /// Creates the descriptor sets over the scene, a pool and the buffers of a tracer.
-    pub fn bind(&self, b: &Buffers, scene: &DeviceScene, pool: &DevicePool) -> Result<SensorBindings> {
+    /// Creates the descriptor sets over the buffers of the scene (group 0), a pool and the buffers of a tracer.
+    pub fn bind(&self, b: &Buffers, scene: &[(&str, &Buffer)], pool: &DevicePool) -> Result<SensorBindings> {
         let k = self;
-        let shared = || {
-            let mut all = scene.bindings();
-            all.extend(pool.bindings());
-            all.extend(b.bindings());
-            all
-        };
+        let shared = || [scene, &pool.bindings(), &b.bindings()].concat();
         let living = |parity: usize| {
             let mut all = shared();
             all.extend([("list", &b.living[parity]), ("source", &b.living[parity])]);

@@ -5,7 +5,9 @@ use std::sync::atomic::AtomicBool;
 
 use super::tiles::Tile;
 use super::*;
+use crate::gpu::Buffer;
 use crate::render::compaction::Compaction;
+use crate::render::device_scene::{DeviceScene, frame_buffer};
 use crate::render::plan::Iteration;
 use crate::render::pool::SortedPool;
 
@@ -13,6 +15,7 @@ use crate::render::pool::SortedPool;
 pub struct SensorPhase {
     device: Device,
     compaction: Arc<Compaction>,
+    frame: Buffer,
     ready: Option<Ready>,
 }
 
@@ -24,8 +27,8 @@ pub struct Ready {
 }
 
 impl SensorPhase {
-    pub fn new(device: &Device, compaction: Arc<Compaction>) -> SensorPhase {
-        SensorPhase { device: device.clone(), compaction, ready: None }
+    pub fn new(device: &Device, compaction: Arc<Compaction>) -> Result<SensorPhase> {
+        Ok(SensorPhase { device: device.clone(), compaction, frame: frame_buffer(device)?, ready: None })
     }
 
     /// Uploads the pool and the frame of an iteration. Creates new buffers and descriptor sets if the present ones are too
@@ -34,13 +37,13 @@ impl SensorPhase {
         &mut self,
         plan: &Plan,
         iteration: &Iteration,
-        scene: &mut DeviceScene,
+        scene: &DeviceScene,
         pool: &SortedPool,
         stats: &mut Stats,
     ) -> Result<&mut Ready> {
         let ready = self.fit(plan, scene, pool, stats)?;
         let ready = self.ready.insert(ready);
-        scene.write_frame(&plan.frame(iteration, Some((&pool.layout, ready.tracer.slots))))?;
+        self.frame.write(0, &[plan.frame(iteration, Some((&pool.layout, ready.tracer.slots)))])?;
         Ok(ready)
     }
 
@@ -67,7 +70,8 @@ impl SensorPhase {
             }
         };
         let pool = stats.timed(stage::UPLOAD, || DevicePool::new(device, pool))?;
-        let bindings = stats.timed(stage::ALLOCATE, || tracer.kernels.bind(&tracer.buffers, scene, &pool))?;
+        let bindings = stats
+            .timed(stage::ALLOCATE, || tracer.kernels.bind(&tracer.buffers, &scene.bindings(&self.frame), &pool))?;
         Ok(Ready { tracer, pool, bindings })
     }
 }
