@@ -42,7 +42,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let cosine = dot(-w, frame.forward);
     // Turns flux per area into mean radiance of the pixel (box filter). The factor is 1 / (d^2 pixel_area cos^3) for a pinhole.
     // It is 1 / pixel_area for an orthographic camera, because its rays do not spread.
-    let density = pixel_pdf(cosine);
+    let density = pixel_pdf(cosine, -w);
     let spread = select(d * d, 1.0, HAS_ORTHOGRAPHIC);
     // The only copy of a deterministic vertex carries the whole power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);

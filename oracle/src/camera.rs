@@ -11,7 +11,7 @@
 //! projected into it.
 
 use glam::DVec3;
-use taugate::{Camera, Projection, Scene};
+use taugate::{Camera, Lens, Projection, Scene};
 
 use super::geometry::Ray;
 
@@ -38,6 +38,7 @@ pub struct Seen {
 impl<'a> Sensor<'a> {
     pub fn new(scene: &'a Scene, camera: usize, resolution: [u32; 2]) -> Sensor<'a> {
         let camera = &scene.cameras[camera];
+        assert!(camera.lens == Lens::PINHOLE, "the oracle has no lenses");
         let resolution = resolution.map(f64::from);
         let half_height = match camera.projection {
             Projection::Perspective { yfov } => (yfov / 2.0).tan(),

@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 use taugate::internals::scene::{Camera, Scene};
 use taugate::internals::settings::Settings;
+use taugate::internals::settings::lens::LensDistortion;
 
 /// The data of the Python class `Camera`.
 #[pyclass(frozen, get_all, module = "taugate._native")]
@@ -17,6 +18,10 @@ pub struct View {
     /// In metres, of an orthographic camera.
     view_height: Option<f64>,
     principal_point: [f64; 2],
+    /// Width of a pixel over its height.
+    pixel_aspect: f64,
+    /// Coefficients of the lens in the order of OpenCV: none, four of a fisheye, or eight.
+    distortion: Vec<f64>,
     /// Of the whole image.
     resolution: [u32; 2],
     /// x0, x1, y0, y1.
@@ -25,7 +30,7 @@ pub struct View {
 
 impl View {
     pub fn of(scene: &Scene, settings: &Settings) -> PyResult<View> {
-        let Camera { name, transform, projection, principal_point, .. } = &scene.cameras[settings.camera()];
+        let Camera { name, transform, projection, principal_point, lens, .. } = &scene.cameras[settings.camera()];
         let crop = settings.crop();
         Ok(View {
             name: name.clone(),
@@ -33,6 +38,8 @@ impl View {
             yfov: projection.yfov(),
             view_height: projection.view_height(),
             principal_point: *principal_point,
+            pixel_aspect: lens.pixel_aspect,
+            distortion: LensDistortion(lens.distortion).coefficients(),
             resolution: settings.resolution(),
             crop: [crop.x0, crop.x1, crop.y0, crop.y1],
         })

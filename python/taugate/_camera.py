@@ -10,6 +10,7 @@ from typing import Optional
 import numpy as np
 from numpy.typing import ArrayLike
 
+from . import _lens
 from ._errors import SettingsError
 
 # Columns: the axes of OpenCV (x right, y down, z forward) in those of OpenGL (x right, y up, z backward).
@@ -25,7 +26,9 @@ class Camera:
 
     ``resolution`` is (width, height) of the whole image. ``fov`` is the vertical field of view in degrees; an orthographic camera has the
     ``height`` of its view in metres instead. ``principal_point`` is where the optical axis meets the image, as fractions of width and
-    height from the top left corner. ``crop`` (x0, x1, y0, y1) is the part that is rendered; ``None``: all.
+    height from the top left corner. ``crop`` (x0, x1, y0, y1) is the part that is rendered; ``None``: all. ``pixel_aspect`` is the width of
+    a pixel over its height, ``K[1, 1] / K[0, 0]``. ``distortion`` has the coefficients of a lens in the order of OpenCV: k1, k2, p1, p2, then k3,
+    then k4, k5, k6. With ``fisheye`` they are the four of ``cv2.fisheye``.
     """
 
     world_from_camera: np.ndarray
@@ -35,6 +38,9 @@ class Camera:
     principal_point: tuple[float, float] = (0.5, 0.5)
     name: str = ""
     crop: Optional[tuple[int, int, int, int]] = None
+    pixel_aspect: float = 1.0
+    distortion: tuple[float, ...] = ()
+    fisheye: bool = False
 
     @classmethod
     def look_at(
@@ -59,26 +65,36 @@ class Camera:
         return cls(matrix, (width, rows), None if height else float(fov), height)
 
     @classmethod
-    def from_matrices(cls, K: ArrayLike, world_from_camera: ArrayLike, resolution: Sequence[int], axes: str = "opencv") -> Camera:
+    def from_matrices(
+        cls,
+        K: ArrayLike,
+        world_from_camera: ArrayLike,
+        resolution: Sequence[int],
+        axes: str = "opencv",
+        distortion: Optional[ArrayLike] = None,
+        fisheye: bool = False,
+    ) -> Camera:
         """A camera with the 3 x 3 matrix ``K`` of intrinsics and the pose ``world_from_camera`` (4 x 4, rigid).
 
-        The centre of the first pixel is at (0.5, 0.5). OpenCV puts it at (0, 0): add 0.5 to its principal point. Pixels must be square and
-        without skew. ``axes``: "opencv" or "opengl", the axes of the pose.
+        The centre of the first pixel is at (0.5, 0.5). OpenCV puts it at (0, 0): add 0.5 to its principal point. Pixels must have no skew.
+        ``axes``: "opencv" or "opengl", the axes of the pose. ``distortion``: the coefficients of ``cv2.calibrateCamera``; with ``fisheye``,
+        those of ``cv2.fisheye.calibrate``.
         """
         K, matrix = np.asarray(K, float), np.asarray(world_from_camera, float)
         if K.shape != (3, 3) or matrix.shape != (4, 4):
             raise SettingsError(f"K must be 3 x 3 and world_from_camera 4 x 4, not {K.shape} and {matrix.shape}")
         if axes not in ("opencv", "opengl"):
             raise SettingsError(f"axes is {axes!r}; choose 'opencv' or 'opengl'")
-        if abs(K[0, 0] - K[1, 1]) > 1e-6 * K[1, 1] or abs(K[0, 1]) > 1e-6 * K[1, 1]:
-            raise SettingsError("pixels must be square and without skew: K[0, 0] = K[1, 1] and K[0, 1] = 0")
+        if not (K[0, 0] > 0 and K[1, 1] > 0 and abs(K[0, 1]) <= 1e-6 * K[1, 1]):
+            raise SettingsError("K needs positive focal lengths K[0, 0] and K[1, 1], and pixels without skew: K[0, 1] = 0")
         rotation = matrix[:3, :3]
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
             raise SettingsError("the left 3 x 3 part of world_from_camera must be a rotation, without scale or mirror")
         width, height = resolution
         fov = math.degrees(2 * math.atan(height / (2 * K[1, 1])))
         pose = matrix @ FLIP if axes == "opengl" else matrix
-        return cls(pose, (width, height), fov, None, (K[0, 2] / width, K[1, 2] / height))
+        lens = tuple(np.ravel(distortion).astype(float).tolist()) if distortion is not None else ()
+        return cls(pose, (width, height), fov, None, (K[0, 2] / width, K[1, 2] / height), "", None, K[1, 1] / K[0, 0], lens, fisheye)
 
     @classmethod
     def _of(cls, view):
@@ -91,6 +107,9 @@ class Camera:
             tuple(view.principal_point),
             view.name,
             tuple(view.crop),
+            view.pixel_aspect,
+            tuple(view.distortion),
+            len(view.distortion) == 4,
         )
 
     @property
@@ -105,14 +124,15 @@ class Camera:
 
     @property
     def K(self) -> np.ndarray:
-        """Intrinsics (3 x 3) of the rendered part: pixel = K (x, y, z) / z, with the centre of its first pixel at (0.5, 0.5)."""
+        """Intrinsics (3 x 3) of the rendered part: pixel = K (x, y, z) / z, with the centre of its first pixel at (0.5, 0.5). A lens with
+        ``distortion`` moves x / z and y / z before."""
         if self.fov is None:
             raise SettingsError("an orthographic or aimed camera has no matrix K; use a perspective camera")
         width, height = self.resolution
         focal = height / (2 * math.tan(math.radians(self.fov) / 2))
         x0, y0 = (self.crop[0], self.crop[2]) if self.crop else (0, 0)
         cx, cy = self.principal_point[0] * width - x0, self.principal_point[1] * height - y0
-        return np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
+        return np.array([[focal / self.pixel_aspect, 0, cx], [0, focal, cy], [0, 0, 1.0]])
 
     def moved(self, right: float = 0.0, down: float = 0.0, forward: float = 0.0) -> Camera:
         """The same camera, moved along its own axes by these lengths in metres."""
@@ -129,7 +149,8 @@ class Camera:
         width, height = self._size()
         K = self.K
         u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-        local = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], axis=-1)
+        image = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]], axis=-1)
+        local = _lens.directions(image, self.distortion, self.fisheye)
         rays = local @ self.world_from_camera[:3, :3].T
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
@@ -141,9 +162,9 @@ class Camera:
         """Pixels (..., 2) of world positions (..., 3), and their z (...) in metres, which is negative behind the camera. The camera's own
         position gives NaN. Perspective cameras only."""
         local = np.asarray(points, float) @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
-        pixels = local @ self.K.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return pixels[..., :2] / pixels[..., 2:], local[..., 2]
+        image = _lens.images(local, self.distortion, self.fisheye)
+        K = self.K
+        return image * np.diag(K)[:2] + K[:2, 2], local[..., 2]
 
     def _size(self):
         x0, x1, y0, y1 = self.crop or (0, self.resolution[0], 0, self.resolution[1])
@@ -152,14 +173,23 @@ class Camera:
     def _settings(self):
         """The camera as settings of a render."""
         eye, forward, down = (self.world_from_camera[:3, k] for k in (3, 2, 1))
-        view = {"fov": self.fov} if self.height is None else {"ortho": self.height}
+        if self.height is not None:
+            view = {"ortho": self.height, "principal_point": tuple(self.principal_point)}
+        elif self.distortion or self.pixel_aspect != 1.0:
+            # The settings count pixels of the whole image, from the centre of the first one.
+            K = dataclasses.replace(self, crop=None).K
+            view = {"camera_matrix": (K[0, 0], K[1, 1], K[0, 2] - 0.5, K[1, 2] - 0.5)}
+            if self.distortion:
+                numbers = ",".join(repr(float(k)) for k in self.distortion)
+                view["distortion"] = f"fisheye:{numbers}" if self.fisheye else numbers
+        else:
+            view = {"fov": self.fov, "principal_point": tuple(self.principal_point)}
         if self.crop and tuple(self.crop) != (0, self.resolution[0], 0, self.resolution[1]):
             view["crop"] = tuple(self.crop)
         return {
             "look_from": tuple(eye),
             "look_at": tuple(eye + forward),
             "up": tuple(-down),
-            "principal_point": tuple(self.principal_point),
             "resolution": tuple(self.resolution),
             **view,
         }

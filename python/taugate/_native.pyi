@@ -21,6 +21,8 @@ class View:
     yfov: Optional[float]
     view_height: Optional[float]
     principal_point: list[float]
+    pixel_aspect: float
+    distortion: list[float]
     resolution: list[int]
     crop: list[int]
 

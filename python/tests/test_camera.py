@@ -53,6 +53,30 @@ def test_an_off_centre_camera_and_a_crop_keep_their_pixels():
     assert np.allclose(part.camera.points(part.depth), image.camera.points(image.depth)[10:20, 5:30])
 
 
+@pytest.mark.parametrize(
+    "fisheye, distortion", [(False, ()), (False, (-0.28, 0.09, 1.2e-3, -8e-4, -0.012, 0.02, -0.01, 1e-3)), (True, (0.03, -0.012, 0.004, -7e-4))]
+)
+def test_a_calibrated_lens_has_the_pixels_of_its_model(fisheye, distortion):
+    scene = room()
+    K = np.array([[30.0, 0, 22.5], [0, 33.0, 15.0], [0, 0, 1]])
+    pose = scene.camera().world_from_camera
+    camera = taugate.Camera.from_matrices(K, pose, (48, 32), distortion=distortion, fisheye=fisheye)
+    image = taugate.render(scene, camera=camera, spp=1, aov="depth")
+    assert np.allclose(image.camera.K, K) and image.camera.distortion == distortion and image.camera.fisheye is fisheye
+    seen = image.depth > 0
+    assert seen.any()
+    points = image.camera.points(image.depth)
+    # The floor is at y = 0: a ray of another lens would meet it elsewhere.
+    floor = seen & (np.abs(points[..., 1]) < 0.02)
+    assert floor.sum() > 50 and np.abs(points[floor][:, 1]).max() < 2e-3
+    pixels, z = image.camera.project(points)
+    u, v = np.meshgrid(np.arange(48) + 0.5, np.arange(32) + 0.5)
+    assert np.allclose(pixels[seen], np.stack([u, v], axis=-1)[seen], atol=1e-6)
+    if distortion:
+        straight = taugate.Camera.from_matrices(K, pose, (48, 32))
+        assert np.abs(straight.points(image.depth)[floor][:, 1]).max() > 0.02
+
+
 def test_the_camera_of_a_part_of_an_image_renders_this_part():
     scene = room()
     part = taugate.render(scene, spp=1, aov="depth", crop=(5, 30, 10, 20))
@@ -126,8 +150,11 @@ def test_mistakes_in_matrices_are_explained():
     camera = room().camera()
     with pytest.raises(taugate.SettingsError, match="must be a rotation"):
         taugate.Camera.from_matrices(camera.K, 2 * camera.world_from_camera, SIZE)
-    with pytest.raises(taugate.SettingsError, match="square"):
-        taugate.Camera.from_matrices(np.diag([30.0, 40, 1]), np.eye(4), SIZE)
+    with pytest.raises(taugate.SettingsError, match="without skew"):
+        taugate.Camera.from_matrices([[30.0, 2, 16], [0, 40, 16], [0, 0, 1]], np.eye(4), SIZE)
+    with pytest.raises(taugate.SettingsError, match="folds inside the image"):
+        folded = taugate.Camera.from_matrices(np.array([[10.0, 0, 16], [0, 10, 16], [0, 0, 1]]), np.eye(4), SIZE, distortion=(-0.9, 0, 0, 0))
+        taugate.render(room(), camera=folded, spp=1)
     with pytest.raises(taugate.SettingsError, match="opencv"):
         taugate.Camera.from_matrices(camera.K, np.eye(4), SIZE, axes="colmap")
     with pytest.raises(taugate.SettingsError, match="3 x 3"):

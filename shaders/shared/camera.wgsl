@@ -5,6 +5,7 @@
 // (HAS_AIMS) has its own direction in `aims`, and a square field of view around this direction, which may be a single ray. All
 // its rays start at one point. Light vertices are not connected to a scanning sensor.
 #import frame
+#import lens
 #import math
 
 // One texel per pixel of the whole film: its unit direction, and the length by which its travel times are shortened. If
@@ -13,7 +14,8 @@
 
 struct CameraRay {
     origin: vec3<f32>,
-    // Not normalised: its component along the camera axis (with HAS_AIMS: along the direction of the pixel) is 1.
+    // Not normalised: its component along the camera axis (with HAS_AIMS: along the direction of the pixel) is 1. With HAS_FISHEYE, its
+    // length is 1.
     direction: vec3<f32>,
 }
 
@@ -47,7 +49,20 @@ fn camera_ray(pixel: vec2<u32>, u: vec2<f32>) -> CameraRay {
     if (HAS_ORTHOGRAPHIC) {
         return CameraRay(frame.sensor + x * frame.right + y * frame.up, frame.forward);
     }
+    if (has_lens()) {
+        let to = lens_direction(vec2<f32>(x, -y));
+        return CameraRay(frame.sensor, to.x * frame.right - to.y * frame.up + to.z * frame.forward);
+    }
     return CameraRay(frame.sensor, frame.forward + x * frame.right + y * frame.up);
+}
+
+fn has_lens() -> bool {
+    return HAS_DISTORTION || HAS_FISHEYE;
+}
+
+// A vector in the axes of `lens.wgsl`.
+fn to_lens(d: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(d, frame.right), -dot(d, frame.up), dot(d, frame.forward));
 }
 
 // Whether the cone of the laser of a pixel lies within the pixel (HAS_OWN_LASERS). The rest of the pixel is dark.
@@ -74,10 +89,14 @@ fn pixel_seed(pixel: vec2<u32>) -> u32 {
 }
 
 // Density of camera rays that are sampled uniformly over the area of one pixel: per solid angle for a pinhole, per area
-// perpendicular to the rays for an orthographic camera. `cosine` is the cosine of the angle to the camera axis.
-fn pixel_pdf(cosine: f32) -> f32 {
+// perpendicular to the rays for an orthographic camera. `cosine` is the cosine of the angle to the camera axis, and `d` the unit
+// direction of the ray, which counts only if there is a lens.
+fn pixel_pdf(cosine: f32, d: vec3<f32>) -> f32 {
     if (HAS_ORTHOGRAPHIC) {
         return 1.0 / frame.pixel_area;
+    }
+    if (has_lens()) {
+        return lens_spread(to_lens(d)) / frame.pixel_area;
     }
     return 1.0 / (frame.pixel_area * cosine * cosine * cosine);
 }
@@ -85,13 +104,24 @@ fn pixel_pdf(cosine: f32) -> f32 {
 // Index, row-major over the crop, of the pixel that sees the point at the offset `d` from `frame.sensor`. NONE if the point is
 // not in front of the sensor or is outside the crop.
 fn pixel_of(d: vec3<f32>) -> u32 {
-    let z = dot(d, frame.forward);
-    if (z <= 0.0) {
-        return NONE;
+    var x: f32;
+    var y: f32;
+    if (has_lens()) {
+        let seen = lens_image(to_lens(d));
+        if (seen.z == 0.0) {
+            return NONE;
+        }
+        x = (seen.x / frame.extent.x + 1.0) * 0.5 * f32(frame.width) + frame.principal_offset.x;
+        y = (seen.y / frame.extent.y + 1.0) * 0.5 * f32(frame.height) + frame.principal_offset.y;
+    } else {
+        let z = dot(d, frame.forward);
+        if (z <= 0.0) {
+            return NONE;
+        }
+        let scale = select(z, 1.0, HAS_ORTHOGRAPHIC);
+        x = (dot(d, frame.right) / (scale * frame.extent.x) + 1.0) * 0.5 * f32(frame.width) + frame.principal_offset.x;
+        y = (1.0 - dot(d, frame.up) / (scale * frame.extent.y)) * 0.5 * f32(frame.height) + frame.principal_offset.y;
     }
-    let scale = select(z, 1.0, HAS_ORTHOGRAPHIC);
-    let x = (dot(d, frame.right) / (scale * frame.extent.x) + 1.0) * 0.5 * f32(frame.width) + frame.principal_offset.x;
-    let y = (1.0 - dot(d, frame.up) / (scale * frame.extent.y)) * 0.5 * f32(frame.height) + frame.principal_offset.y;
     let lo = vec2<f32>(f32(frame.crop_x), f32(frame.crop_y));
     let hi = lo + vec2<f32>(f32(frame.crop_width), f32(frame.crop_height));
     if (!(x >= lo.x && y >= lo.y && x < hi.x && y < hi.y)) {

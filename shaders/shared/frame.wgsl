@@ -96,6 +96,14 @@ struct Frame {
     highest_photon_level: i32,
     // Width of the gate; with several responses, on average per response.
     merge_slot: f32,
+    // With HAS_DISTORTION k1, k2, k3, k4 and k5, k6, p1, p2 of OpenCV; with HAS_FISHEYE its k1 to k4 (lens.wgsl).
+    lens_radial: vec4<f32>,
+    lens_rest: vec4<f32>,
+    // The largest tangent of the angle to the view that the lens images; with HAS_FISHEYE the largest angle.
+    lens_limit: f32,
+    pad0: f32,
+    pad1: f32,
+    pad2: f32,
 }
 
 // Parameters of one dispatch.
@@ -188,6 +196,9 @@ override HAS_CLEARCOAT: bool = true;
 override HAS_RETROREFLECTORS: bool = true;
 // Whether the camera is orthographic. Its sensor is a plane, and its rays are parallel (PATH_PARALLEL).
 override HAS_ORTHOGRAPHIC: bool = false;
+// Whether a lens moves the points of the image: by the rational model of OpenCV, or as a fisheye (lens.wgsl). At most one is true.
+override HAS_DISTORTION: bool = false;
+override HAS_FISHEYE: bool = false;
 // Whether each pixel looks at a point of its own (`aims` in camera.wgsl).
 override HAS_AIMS: bool = false;
 // Whether each pixel also has a laser of its own, as the beams of a LiDAR have. The only light is a spot at the sensor, and its axis is

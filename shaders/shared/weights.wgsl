@@ -40,7 +40,7 @@ fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
 // angle between the segment and the camera axis. The first segment of an orthographic camera has PATH_PARALLEL, so the density
 // per area of its end point does not fall with the distance.
 fn start_sensor_sums(s: ptr<function, PathState>, cosine: f32) {
-    (*s).d_vcm = frame.keep_t1 * mis(frame.splat_sample_count / pixel_pdf(cosine));
+    (*s).d_vcm = frame.keep_t1 * mis(frame.splat_sample_count / pixel_pdf(cosine, (*s).direction));
     (*s).d_vc = 0.0;
 }
 

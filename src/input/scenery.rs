@@ -1,6 +1,7 @@
 //! Adds the user's camera and lights to the scene of a file, replaces its media, and makes surfaces double-sided if the user wants
 //! that. Most glTF files have neither a camera nor a light. Such a scene gets a camera that sees the whole scene, and a headlamp.
 
+mod calibration;
 mod camera;
 mod grid;
 mod lights;

@@ -24,7 +24,7 @@ use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, PoolOrder, Record};
 use crate::gpu::Quirks;
-use crate::scene::{Light, LightKind, Scene};
+use crate::scene::{Distortion, Light, LightKind, Scene};
 use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
@@ -119,6 +119,7 @@ pub struct Plan {
     /// Whether there is a sky.
     has_sky: bool,
     camera_kind: CameraKind,
+    pub distortion: Distortion,
     /// Whether each aimed ray has a laser of its own ([`PreparedScene::with_own_lasers`]).
     pub has_own_lasers: bool,
     /// Tangent of half of the divergence of these lasers; else 0.
@@ -197,6 +198,7 @@ impl Plan {
                 prepared.aims.len()
             )));
         }
+        camera.lens_limit(settings.resolution())?;
         let mut frame = frame(settings, estimator, prepared, all);
         if is_aimed {
             frame.keep_t1 = 0.0;
@@ -220,6 +222,7 @@ impl Plan {
             has_distant: emitters.has_distant,
             has_sky: !emitters.sky.is_empty(),
             camera_kind: CameraKind::of(camera),
+            distortion: camera.lens.distortion,
             has_own_lasers,
             laser_radius: laser.map_or(0.0, |laser| photons::half_angle(laser).tan()),
             has_media: !prepared.media.list.is_empty(),

@@ -57,6 +57,8 @@ impl Renderer {
     /// orthographic, or aim at different numbers of points.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
         camera.check()?;
+        let frame = self.plan.camera_frame();
+        camera.lens_limit([frame.width, frame.height])?;
         if !self.plan.takes(camera) {
             return Ok(false);
         }

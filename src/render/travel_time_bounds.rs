@@ -205,6 +205,7 @@ mod tests {
                 aspect: None,
                 resolution: None,
                 principal_point: Camera::CENTRED,
+                lens: crate::scene::Lens::PINHOLE,
             }],
             lights: light
                 .map(|p| Light {

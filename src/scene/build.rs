@@ -5,7 +5,7 @@
 
 use glam::{DAffine2, DAffine3, DMat3, DVec3};
 
-use super::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection, Scene, Texture, Wrap};
+use super::{Camera, Image, Instance, Lens, Light, LightKind, Material, Mesh, Projection, Scene, Texture, Wrap};
 
 impl Scene {
     /// Adds a material and returns its index for [`Mesh::material`].
@@ -73,6 +73,7 @@ impl Camera {
             aspect: Some(f64::from(resolution[0]) / f64::from(resolution[1])),
             resolution: Some(resolution),
             principal_point: Camera::CENTRED,
+            lens: Lens::PINHOLE,
         }
     }
 }

@@ -5,9 +5,12 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, dvec2};
 
 use super::check::{Checked, MAX_COORDINATE};
+use super::lens::Lens;
+use crate::error::{Error, Result};
+use crate::printable::escaped;
 
 /// A camera. It looks along -Z of its transform, with +Y up and +X to the right.
 ///
@@ -30,6 +33,8 @@ pub struct Camera {
     /// Where the camera's axis meets the image, as fractions of its width and height from the top left corner; the centre is
     /// [`Camera::CENTRED`]. It may lie outside the image.
     pub principal_point: [f64; 2],
+    /// The lens of a perspective camera; [`Lens::PINHOLE`] if there is none. Other cameras have none.
+    pub lens: Lens,
 }
 
 /// How a camera projects the scene. The width of the view follows from its height and from the resolution.
@@ -150,7 +155,11 @@ impl Camera {
     /// If the rays are aimed, and the resolution has no pixels or more pixels than there are points.
     pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         let local = match &self.projection {
-            Projection::Perspective { .. } => self.on_image_plane(resolution, film) - DVec3::Z,
+            Projection::Perspective { .. } => {
+                let DVec3 { x, y, .. } = self.on_image_plane(resolution, film);
+                let to = self.lens.distortion.direction(dvec2(x, -y));
+                DVec3::new(to.x, -to.y, -to.z)
+            }
             Projection::Orthographic { .. } => DVec3::NEG_Z,
             Projection::Aimed { aims, .. } => {
                 let [column, row] = [0, 1].map(|k| (film[k].max(0.0) as usize).min(resolution[k] as usize - 1));
@@ -176,13 +185,24 @@ impl Camera {
         [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|film| self.origin(resolution, film))
     }
 
+    /// The largest tangent of the angle to the view in an image of this resolution, with some room; for a fisheye the largest angle in
+    /// radians. Fails if the lens distorts so much that two directions have one pixel. The error names the camera.
+    pub(crate) fn lens_limit(&self, resolution: [u32; 2]) -> Result<f64> {
+        let corners = [[0.0; 2], resolution.map(f64::from)].map(|film| {
+            let DVec3 { x, y, .. } = self.on_image_plane(resolution, film);
+            dvec2(x, -y)
+        });
+        let limit = self.lens.distortion.limit(corners);
+        limit.map_err(|why| Error::settings(format!("camera '{}' {why}", escaped(&self.name))))
+    }
+
     /// The point `film` on the image plane relative to the principal point: x to the right, y up, in the unit of
     /// [`Projection::half_height`].
     fn on_image_plane(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         let [width, height] = resolution.map(f64::from);
         let half_height = self.projection.half_height();
         let [centre_x, centre_y] = self.principal_point;
-        let x = 2.0 * (film[0] / width - centre_x) * half_height * width / height;
+        let x = 2.0 * (film[0] / width - centre_x) * half_height * width / height * self.lens.pixel_aspect;
         let y = 2.0 * (centre_y - film[1] / height) * half_height;
         DVec3::new(x, y, 0.0)
     }
@@ -197,7 +217,7 @@ mod tests {
         let transform =
             DAffine3::from_translation(5.0 * DVec3::X) * DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
         let (name, principal_point) = (String::new(), Camera::CENTRED);
-        Camera { name, transform, projection, aspect: None, resolution: None, principal_point }
+        Camera { name, transform, projection, aspect: None, resolution: None, principal_point, lens: Lens::PINHOLE }
     }
 
     fn close(a: DVec3, b: DVec3) -> bool {

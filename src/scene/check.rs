@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3, Vec3};
 
+use super::lens::Lens;
 use super::light::Light;
 use super::{Camera, Image, Instance, Material, Mesh, Scene};
 use crate::error::{Error, Result};
@@ -16,11 +17,13 @@ pub const MAX_COORDINATE: f64 = 1e15;
 /// Upper bound on the coordinates of a principal point, in widths and heights of the image. A larger value usually means
 /// that the coordinates are in pixels.
 const MAX_PRINCIPAL_POINT: f64 = 10.0;
+/// Widths of a pixel over its height.
+const PIXEL_ASPECTS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Tolerance for the length of unit vectors.
 const UNIT: f64 = 1e-3;
 
 /// The error is one sentence that says what is wrong.
-pub(super) type Checked = std::result::Result<(), String>;
+pub(crate) type Checked<T = ()> = std::result::Result<T, String>;
 
 impl Scene {
     /// Checks the properties that the renderer relies on: indices are in range, numbers are finite and in their range, directions
@@ -169,6 +172,22 @@ pub(super) fn check_camera(camera: &Camera) -> Checked {
         return Err(format!(
             "{} has a principal point farther than {MAX_PRINCIPAL_POINT} image sizes from the corner; give fractions of \
              width and height",
+            name()
+        ));
+    }
+    let Lens { pixel_aspect, distortion } = &camera.lens;
+    if !(PIXEL_ASPECTS.contains(pixel_aspect) && distortion.is_finite()) {
+        return Err(format!(
+            "{} has a lens with pixels {pixel_aspect} times as wide as high, or a coefficient that is not finite; use finite \
+             coefficients, and pixels {} to {} times as wide",
+            name(),
+            PIXEL_ASPECTS.start(),
+            PIXEL_ASPECTS.end()
+        ));
+    }
+    if camera.lens != Lens::PINHOLE && camera.projection.yfov().is_none() {
+        return Err(format!(
+            "{} has a lens, but only perspective cameras have one; leave the lens out, or give --fov",
             name()
         ));
     }

@@ -14,6 +14,8 @@ pub mod frequencies;
 pub mod gates;
 pub mod keys;
 #[allow(missing_docs)]
+pub mod lens;
+#[allow(missing_docs)]
 pub mod medium;
 #[allow(missing_docs)]
 pub mod missing;

@@ -197,7 +197,7 @@ impl<'de> Deserialize<'de> for Lamps {
     }
 }
 
-value_from_text!(Numbers<2>, Numbers<3>, Numbers<12>, Headlamp, Lamps {
+value_from_text!(Numbers<2>, Numbers<3>, Numbers<4>, Numbers<12>, Headlamp, Lamps {
     fn and(self, later: Lamps) -> Lamps {
         Lamps([self.0, later.0].concat())
     }

@@ -51,6 +51,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/guided_flight",
     "shared/importance",
     "shared/leaf",
+    "shared/lens",
     "shared/lightcone",
     "shared/material",
     "shared/math",

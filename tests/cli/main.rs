@@ -13,6 +13,7 @@ mod grids;
 #[cfg(unix)]
 mod guide;
 mod info;
+mod lens;
 mod memory;
 mod orthographic;
 mod regressions;

@@ -32,6 +32,7 @@ pub fn floor() -> Scene {
     scene.add_camera(Camera {
         projection: Projection::Orthographic { height: HEIGHT },
         principal_point: CENTRE,
+        lens: taugate::Lens::PINHOLE,
         ..Camera::looking_at("parallel", -TO_FLOOR * forward(), DVec3::ZERO, 1.0, RESOLUTION)
     });
     scene

@@ -35,6 +35,7 @@ fn scene() -> Scene {
         aspect: None,
         resolution: None,
         principal_point: Camera::CENTRED,
+        lens: taugate::Lens::PINHOLE,
     });
     let sigma_a = [SIGMA_T - SIGMA_S; 3];
     scene.media = vec![Medium { sigma_s: [SIGMA_S; 3], sigma_a, phase: PHASE, ..Medium::default() }];

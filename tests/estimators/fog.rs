@@ -40,6 +40,7 @@ fn fog_with(lamp: DVec3, phase: PhaseFunction) -> Scene {
         aspect: None,
         resolution: None,
         principal_point: Camera::CENTRED,
+        lens: taugate::Lens::PINHOLE,
     });
     scene.media = vec![Medium { sigma_s: [SIGMA_S; 3], sigma_a: [SIGMA_T - SIGMA_S; 3], phase, ..Medium::default() }];
     scene

@@ -22,6 +22,7 @@ mod in_flight;
 mod inside_glass;
 mod interiors;
 mod lamps;
+mod lens;
 mod merging;
 mod null_boundaries;
 mod orthographic;

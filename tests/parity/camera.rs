@@ -14,7 +14,7 @@ const FILM: ShaderFunction = ShaderFunction {
     input: "p: vec2<f32>, scale: f32, pad: f32",
     result: "d: vec3<f32>, pdf: f32, pixel: u32, behind: u32, pad: vec2<u32>",
     body: "result.d = camera_ray(vec2<u32>(0u), input.p).direction;
-        result.pdf = pixel_pdf(dot(normalize(result.d), frame.forward));
+        result.pdf = pixel_pdf(dot(normalize(result.d), frame.forward), normalize(result.d));
         result.pixel = pixel_of(input.scale * result.d); result.behind = pixel_of(-result.d);",
 };
 
@@ -26,7 +26,7 @@ const TO_SENSOR: ShaderFunction = ShaderFunction {
     body: "let ray = camera_ray(vec2<u32>(0u), input.p); let point = ray.origin + input.distance * ray.direction;
         let to_sensor = segment_to_sensor(point);
         result.origin = ray.origin; result.direction = to_sensor.direction; result.length = to_sensor.length;
-        result.end = to_sensor.end; result.nearest = nearest_sensor_point(point); result.pdf = pixel_pdf(0.5);
+        result.end = to_sensor.end; result.nearest = nearest_sensor_point(point); result.pdf = pixel_pdf(0.5, frame.forward);
         result.pixel = pixel_of(point - frame.sensor);",
 };
 

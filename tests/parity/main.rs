@@ -20,6 +20,7 @@ mod emitter;
 mod functions;
 mod grid;
 mod importance;
+mod lens;
 mod lightcone;
 mod materials;
 mod math;

@@ -148,7 +148,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u]) && !follows_connected(lights[k - 1u])) {
             let v = lights[k - 1u]; let c = to_sensor[k - 1u];
             let reached = flight_density(segment_depths(v, seen.direction, seen.length).scattering);
-            let density = pixel_pdf(dot(-seen.direction, frame.forward)) * select(reached, 1.0, HAS_ORTHOGRAPHIC);
+            let density = pixel_pdf(dot(-seen.direction, frame.forward), -seen.direction) * select(reached, 1.0, HAS_ORTHOGRAPHIC);
             let spread = select(seen.length * seen.length, 1.0, HAS_ORTHOGRAPHIC);
             result.weights[k] = splat_weight(v, c, density * c.cosine / spread);
         }",

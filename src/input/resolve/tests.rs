@@ -16,6 +16,7 @@ fn scene() -> Scene {
         aspect,
         resolution,
         principal_point: Camera::CENTRED,
+        lens: crate::scene::Lens::PINHOLE,
     };
     let material = |emission| Material { emission: [emission; 3], ..diffuse("", [1.0; 3]) };
     let light = |node: &str, kind| Light { node: node.into(), position: DVec3::ZERO, direction: DVec3::NEG_Z, kind };

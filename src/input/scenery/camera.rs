@@ -2,13 +2,16 @@
 
 use glam::{DAffine3, DVec3};
 
+use super::calibration::{self, Calibration};
 use crate::error::{Error, Result};
 use crate::input::resolve::find_camera;
 use crate::scene::build::{look, look_upright};
-use crate::scene::{Camera, Projection, Scene};
+use crate::scene::{Camera, Lens, Projection, Scene};
 use crate::settings::check_resolution;
+use crate::settings::lens::LensDistortion;
 use crate::settings::numbers::{Fov, Height, Numbers};
 use crate::settings::table::CameraTable;
+use crate::settings::values::Resolution;
 
 /// Name of a camera that frames the whole scene.
 pub(in crate::input) const AUTO: &str = "auto";
@@ -27,6 +30,7 @@ const MIN_SIZE: f64 = 1e-12;
 
 /// Places the camera that `table` describes and returns its index in the scene.
 pub(super) fn apply(table: &mut CameraTable, scene: &mut Scene, notes: &mut Vec<String>) -> Result<usize> {
+    let is_calibrated = read_calibration(table, notes)?;
     let index = match chosen(table, scene, notes)? {
         Some(index) => index,
         None => make(table, scene)?,
@@ -40,8 +44,62 @@ pub(super) fn apply(table: &mut CameraTable, scene: &mut Scene, notes: &mut Vec<
     if let Some(Numbers(point)) = table.principal_point {
         camera.principal_point = point;
     }
+    apply_lens(table, camera, is_calibrated)?;
     camera.check()?;
     Ok(index)
+}
+
+/// Replaces `calibration` by the settings that its file gives. Returns whether there was one.
+fn read_calibration(table: &mut CameraTable, notes: &mut Vec<String>) -> Result<bool> {
+    let Some(path) = table.calibration.take() else { return Ok(false) };
+    let Calibration { matrix: [fx, fy, cx, cy], distortion, size } = calibration::read(&path)?;
+    // A smaller image of the same camera has smaller pixels, whose coordinates begin at the corner of the image.
+    let scale = match (size, table.resolution) {
+        (Some(size), Some(Resolution(wanted))) if wanted != size => {
+            let [[w, h], [to_w, to_h]] = [size, wanted];
+            notes.push(format!(
+                "the calibration is for images of {w}x{h}; its camera matrix was scaled to --resolution {to_w}x{to_h}"
+            ));
+            [f64::from(to_w) / f64::from(w), f64::from(to_h) / f64::from(h)]
+        }
+        _ => [1.0; 2],
+    };
+    if let Some(size) = size {
+        table.resolution.get_or_insert(Resolution(size));
+    }
+    let centre = |c: f64, scale: f64| (c + 0.5) * scale - 0.5;
+    let [x, y] = scale;
+    table.camera_matrix = Some(Numbers([fx * x, fy * y, centre(cx, x), centre(cy, y)]));
+    table.distortion = Some(distortion);
+    Ok(true)
+}
+
+/// Gives `camera` the lens of `table`, if it has one.
+fn apply_lens(table: &CameraTable, camera: &mut Camera, is_calibrated: bool) -> Result<()> {
+    if let Some(LensDistortion(distortion)) = table.distortion {
+        camera.lens.distortion = distortion;
+    }
+    let Some(Numbers([fx, fy, cx, cy])) = table.camera_matrix else { return Ok(()) };
+    let setting = if is_calibrated { "--calibration" } else { "--camera-matrix" };
+    let Some([width, height]) = table.resolution.map(|Resolution(size)| size).or(camera.resolution) else {
+        return Err(Error::advice(
+            format!("{setting} is in pixels, and the size of the image is not known: "),
+            "give the --resolution of the calibrated images",
+        ));
+    };
+    check_resolution("--resolution", [width, height])?;
+    let [w, h] = [width, height].map(f64::from);
+    let angle = 2.0 * (0.5 * h / fy).atan();
+    if !(fx > 0.0 && fy > 0.0 && angle > 0.0) {
+        return Err(Error::advice(
+            format!("{setting} has the focal lengths {fx} and {fy}: "),
+            "give positive focal lengths in pixels, in the order fx,fy,cx,cy",
+        ));
+    }
+    camera.projection = Projection::Perspective { yfov: angle };
+    camera.lens.pixel_aspect = fy / fx;
+    camera.principal_point = [(cx + 0.5) / w, (cy + 0.5) / h];
+    Ok(())
 }
 
 /// The view that the user gave, if any.
@@ -111,6 +169,7 @@ fn make(table: &mut CameraTable, scene: &mut Scene) -> Result<usize> {
         aspect: None,
         resolution: None,
         principal_point: Camera::CENTRED,
+        lens: Lens::PINHOLE,
     }))
 }
 

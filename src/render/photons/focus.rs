@@ -2,7 +2,7 @@
 //! that is not smooth, and a few photons of each piece to theirs. Pieces whose photons arrive near what the camera sees are divided
 //! further. The search only chooses densities: whatever it finds, the mean of the image is the same.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::aims::{Aims, MAX_PIECES, Piece};
@@ -129,7 +129,10 @@ fn camera_ray(frame: &Frame, plan: &Plan, number: u32) -> (Ray, f64) {
     let aside = x * right + y * up;
     let (origin, direction) = match plan.is_orthographic() {
         true => (sensor + aside, forward),
-        false => (sensor, (forward + aside).normalize()),
+        false => {
+            let to = plan.distortion.direction(DVec2::new(x, -y));
+            (sensor, (to.x * right - to.y * up + to.z * forward).normalize())
+        }
     };
     let crop = [f64::from(frame.crop_width) / size[0] * extent[0], f64::from(frame.crop_height) / size[1] * extent[1]];
     let spacing = 2.0 * crop[0].max(crop[1]) / f64::from(SIDE);

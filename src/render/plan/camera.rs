@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Plan;
-use crate::scene::{Aim, Camera};
+use crate::scene::{Aim, Camera, Distortion};
 
 /// The kind of camera that the kernels are compiled for.
 #[derive(Clone, Copy, PartialEq)]
@@ -12,17 +12,29 @@ pub(super) struct CameraKind {
     pub is_orthographic: bool,
     /// Number of aimed rays.
     pub aims: usize,
+    pub has_distortion: bool,
+    pub has_fisheye: bool,
 }
 
 impl CameraKind {
     pub fn of(camera: &Camera) -> CameraKind {
         let aims = camera.projection.aims().map_or(0, <[Aim]>::len);
-        CameraKind { is_orthographic: camera.projection.is_orthographic(), aims }
+        CameraKind {
+            is_orthographic: camera.projection.is_orthographic(),
+            aims,
+            has_distortion: matches!(camera.lens.distortion, Distortion::Rational { .. }),
+            has_fisheye: matches!(camera.lens.distortion, Distortion::Fisheye(_)),
+        }
     }
 
     /// Values of the WGSL `override` constants that depend on the kind alone.
-    pub fn constants(self) -> [(&'static str, bool); 2] {
-        [("HAS_ORTHOGRAPHIC", self.is_orthographic), ("HAS_AIMS", self.aims > 0)]
+    pub fn constants(self) -> [(&'static str, bool); 4] {
+        [
+            ("HAS_ORTHOGRAPHIC", self.is_orthographic),
+            ("HAS_AIMS", self.aims > 0),
+            ("HAS_DISTORTION", self.has_distortion),
+            ("HAS_FISHEYE", self.has_fisheye),
+        ]
     }
 }
 
@@ -42,6 +54,7 @@ impl Plan {
     /// Sets the camera's position, axes and view in the frame. Returns false and changes nothing if the camera is too far away.
     pub(super) fn aim(&mut self, camera: &Camera) -> bool {
         let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
+        self.distortion = camera.lens.distortion;
         let frame = &mut self.frame;
         frame.sensor = sensor.to_array();
         frame.sensor_solid = self.solids.material_at(sensor);
@@ -55,13 +68,27 @@ impl Plan {
             false => camera.projection.half_height(),
             true => self.space.length(camera.projection.half_height()),
         };
-        let extent = [half_height * width / height, half_height];
+        let extent = [half_height * width / height * camera.lens.pixel_aspect, half_height];
         frame.extent = extent.map(|x| x as f32);
         frame.pixel_area = (4.0 * extent[0] * extent[1] / (width * height)) as f32;
         let [x, y] = camera.principal_point;
         frame.principal_offset = [(x - 0.5) * width, (y - 0.5) * height].map(|pixels| pixels as f32);
+        let [radial, rest] = coefficients(&camera.lens.distortion);
+        (frame.lens_radial, frame.lens_rest) = (radial.map(|k| k as f32), rest.map(|k| k as f32));
+        frame.lens_limit = camera.lens_limit([frame.width, frame.height]).map_or(0.0, |limit| limit as f32);
         self.sensor_corners = camera.corners([frame.width, frame.height]).map(|corner| self.space.point(corner));
         self.omitted = camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max);
         true
+    }
+}
+
+/// The coefficients as [`Frame`](crate::wgsl::layout::Frame) has them.
+fn coefficients(distortion: &Distortion) -> [[f64; 4]; 2] {
+    match *distortion {
+        Distortion::None => [[0.0; 4]; 2],
+        Distortion::Rational { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2] } => {
+            [[k1, k2, k3, k4], [k5, k6, p1, p2]]
+        }
+        Distortion::Fisheye(k) => [k, [0.0; 4]],
     }
 }

@@ -10,7 +10,7 @@ use super::document::{DistinctNames, Document, Warnings, finite, printable};
 use super::extras::{member, warn_of_foreign};
 use super::node::{Worlds, rigid};
 use crate::scene::check::check_camera;
-use crate::scene::{Camera, Projection, UnusableCamera};
+use crate::scene::{Camera, Lens, Projection, UnusableCamera};
 
 /// One camera per node of the scene with a camera, in the order of the nodes. Cameras that cannot be used are in a list of their own:
 /// a render with another camera does not need them, and a moving camera may be unusable for a moment.
@@ -53,7 +53,7 @@ fn camera(source: &JsonCamera, name: String, world: &DAffine3, warnings: &mut Wa
         .ok_or_else(|| format!("the node of camera `{name}` is scaled to nothing; set its scale to 1 and re-export"))?;
     let resolution = resolution(&source.extras, &name, warnings);
     let principal_point = principal_point(&source.extras, &name, warnings).unwrap_or(Camera::CENTRED);
-    let camera = Camera { name, transform, projection, aspect, resolution, principal_point };
+    let camera = Camera { name, transform, projection, aspect, resolution, principal_point, lens: Lens::PINHOLE };
     check_camera(&camera)?;
     Ok(camera)
 }

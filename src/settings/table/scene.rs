@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::settings::lens::LensDistortion;
 use crate::settings::moment::Moment;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::setting::Taker::{Page, View};
@@ -15,7 +16,7 @@ table! {
     CameraTable = "camera" {
         /// Name of the camera in the scene; NAME#2 is the second camera of this name; auto: a view of the whole scene, slightly
         /// from above [default: the first camera, or auto if there is none]
-        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point"]);
+        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point", "camera-matrix", "distortion", "calibration"]);
 
         /// Place of the camera in metres, instead of its own; without --look-at the camera looks at the centre of the scene
         look_from: Numbers<3>, Setting::scene("look-from", "X,Y,Z").form(Form::Signed).also(Page);
@@ -35,6 +36,18 @@ table! {
         /// Where the axis of the camera meets the image, as fractions of its width and height from the top left corner [default:
         /// that of the camera, else 0.5,0.5]
         principal_point: Numbers<2>, Setting::scene("principal-point", "X,Y").form(Form::Signed);
+
+        /// Intrinsic matrix of a calibrated camera in pixels: focal lengths and principal point; the centre of the first pixel is 0,0, as
+        /// in OpenCV
+        camera_matrix: Numbers<4>, Setting::scene("camera-matrix", "FX,FY,CX,CY").form(Form::Signed).excludes(&["fov", "ortho", "principal-point"], "set the view of the camera");
+
+        /// Lens distortion with the coefficients of OpenCV: k1,k2,p1,p2, then k3, then k4,k5,k6 if there are any; or
+        /// fisheye:k1,k2,k3,k4
+        distortion: LensDistortion, Setting::scene("distortion", "K1,K2,P1,P2,...").form(Form::Signed).excludes(&["ortho"], "set the view of the camera");
+
+        /// Read --camera-matrix, --distortion and --resolution from the calibration file of a camera, as OpenCV, ROS and Kalibr write
+        /// it (.yml, .yaml, .json)
+        calibration: PathBuf, Setting::scene("calibration", "FILE").excludes(&["camera-matrix", "distortion", "fov", "ortho", "principal-point"], "set the view of the camera");
 
         /// Image size in pixels [default: the resolution of the camera, else 512 pixels wide]
         resolution: Resolution, Setting::scene("resolution", "WxH").also(Page);
