@@ -19,19 +19,22 @@ const MAX_LINKS: usize = 40;
 /// Writes a temporary file in the same folder, flushes it to disk and renames it to `path`. A symbolic link stays: the file that
 /// it leads to is replaced or created. After an error the temporary file is removed, and an old file at `path` is unchanged.
 pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
-    stage(path, write)?.publish()
+    write_unpublished(path, write)?.publish()
 }
 
 /// A whole file that lies on disk under a temporary name. It is removed if it is dropped.
-pub struct Staged {
+pub struct UnpublishedFile {
     path: PathBuf,
-    /// The file that [`Staged::publish`] creates or replaces.
+    /// The file that [`UnpublishedFile::publish`] creates or replaces.
     target: PathBuf,
     temporary: NamedTempFile,
 }
 
 /// Writes a temporary file in the folder of `path` and flushes it to disk. `path` does not change yet.
-pub fn stage(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<Staged> {
+pub fn write_unpublished(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<UnpublishedFile> {
     let target = checked_target(path)?;
     let fail = |e: io::Error| write_error(path, &target, e);
     let temporary = temporary::file(&target).map_err(fail)?;
@@ -39,13 +42,13 @@ pub fn stage(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result
     let mut writer = BufWriter::new(temporary.as_file().try_clone().map_err(fail)?);
     write(&mut writer).map_err(fail)?;
     writer.into_inner().map_err(|e| fail(e.into_error()))?.sync_all().map_err(fail)?;
-    Ok(Staged { path: path.into(), target, temporary })
+    Ok(UnpublishedFile { path: path.into(), target, temporary })
 }
 
-impl Staged {
+impl UnpublishedFile {
     /// Renames the file to its path.
     pub fn publish(self) -> Result<()> {
-        let Staged { path, target, temporary } = self;
+        let UnpublishedFile { path, target, temporary } = self;
         temporary.persist(&target).map_err(|e| write_error(&path, &target, e.error))?;
 
         // The rename is safe on disk after the folder is flushed. Some file systems cannot flush a folder; the file is complete

@@ -230,7 +230,7 @@ fn a_job_has_the_settings_of_the_program_that_made_it() {
 /// A program can name the types of all public fields.
 #[test]
 fn a_program_can_fill_in_every_field() {
-    let aim = Aim { point: DVec3::NEG_Z, omitted: 0.0 };
+    let aim = Aim { point: DVec3::NEG_Z, uncounted: 0.0 };
     let camera = Camera::looking_at("laser", DVec3::ZERO, DVec3::NEG_Z, 0.8, [1, 1]);
     let camera = Camera { projection: Projection::Aimed { aims: [aim].into(), pixel_fov: 0.0 }, ..camera };
     assert_eq!(camera.direction([1, 1], [0.5; 2]), DVec3::NEG_Z);

@@ -72,9 +72,9 @@ struct Frame {
     media_count: u32,
     // From the centre of the film to the principal point, the point where the camera axis meets the film. In pixels, y down.
     principal_offset: vec2<f32>,
-    // Travel times [hole_lo, hole_hi) inside the gate that count for no response, if HAS_HOLE.
-    hole_lo: f32,
-    hole_hi: f32,
+    // Travel times [gap_lo, gap_hi) inside the gate that count for no response, if HAS_GAP.
+    gap_lo: f32,
+    gap_hi: f32,
     // Ellipsoidal connections form only paths whose detour over the auxiliary vertex is at least this long. 3e38 if the gate is open.
     min_detour: f32,
     // Factor of the density of auxiliary vertices in MIS weights: group index / (gate width * MEAN_ARC), times the number of samples
@@ -108,7 +108,7 @@ struct Frame {
 
 // Parameters of one dispatch.
 struct Dispatch {
-    // Light subpaths: number of the batch's first path within the iteration. First surfaces: number of the first pixel.
+    // Light subpaths and photons: number of the batch's first path within the iteration. First surfaces: number of the first pixel.
     // Ellipsoids of epc: index of the first part of the BVH. Sensor subpaths: number of entries that the host has already read of those
     // in `observed` (observed.wgsl).
     first: u32,
@@ -207,7 +207,7 @@ override HAS_OWN_LASERS: bool = false;
 // With HAS_OWN_LASERS: tangent of half of the lasers' divergence.
 override LASER_RADIUS: f32 = 0.0;
 // Whether two responses lie so far apart that the travel times between them are left out (gate.wgsl).
-override HAS_HOLE: bool = false;
+override HAS_GAP: bool = false;
 // Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at
 // its end (src/gpu/quirks.rs).
 override EXIT_AT_TOP: bool = false;

@@ -9,7 +9,7 @@ fn travel_time(v_tau: f32, connection: f32, q_tau: f32) -> f32 {
 
 // Factor of a contribution with travel time `tau`: 1 inside the gate, 0 outside and between distant responses.
 fn gate_weight(tau: f32) -> f32 {
-    if (HAS_HOLE && tau >= frame.hole_lo && tau < frame.hole_hi) {
+    if (HAS_GAP && tau >= frame.gap_lo && tau < frame.gap_hi) {
         return 0.0;
     }
     let lo = select(frame.gate_lo, frame.undelayed_lo, HAS_DELAYS);

@@ -38,10 +38,10 @@ struct Receiver {
 // maximum density of an optical length in its interval.
 fn shares_through_gate(start: vec4<f32>, length: f32, density: f32, shell: Shell) -> vec4<f32> {
     let overlap = min(start + length, vec4<f32>(shell.hi)) - max(start, vec4<f32>(shell.lo));
-    if (HAS_HOLE) {
+    if (HAS_GAP) {
         let end = start + length;
-        let dark = max(min(end, vec4<f32>(shell.hole_hi)) - max(start, vec4<f32>(shell.hole_lo)), vec4<f32>(0.0));
-        let missed = (overlap < vec4<f32>(0.0)) | ((start > vec4<f32>(shell.hole_lo)) & (end < vec4<f32>(shell.hole_hi)));
+        let dark = max(min(end, vec4<f32>(shell.gap_hi)) - max(start, vec4<f32>(shell.gap_lo)), vec4<f32>(0.0));
+        let missed = (overlap < vec4<f32>(0.0)) | ((start > vec4<f32>(shell.gap_lo)) & (end < vec4<f32>(shell.gap_hi)));
         let share = clamp((overlap - dark) * density, vec4<f32>(0.0), vec4<f32>(1.0));
         return select(share + LIVE_BUCKET_SHARE, vec4<f32>(0.0), missed);
     }

@@ -10,10 +10,10 @@ struct Shell {
     // Minimum and maximum travel time per length along a connection: see `eta_range`.
     eta_lo: f32,
     eta_hi: f32,
-    // If HAS_HOLE: ends of the hole minus q_tau, narrowed by the rounding allowance. A connection whose optical length is strictly between
-    // hole_lo - v_tau and hole_hi - v_tau counts for no response.
-    hole_lo: f32,
-    hole_hi: f32,
+    // If HAS_GAP: ends of the gap minus q_tau, narrowed by the rounding allowance. A connection whose optical length is strictly between
+    // gap_lo - v_tau and gap_hi - v_tau counts for no response.
+    gap_lo: f32,
+    gap_hi: f32,
 }
 
 // Minimum (x) and maximum (y) distance from q to the box [lo, hi].
@@ -25,7 +25,7 @@ fn box_distances(q: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>) -> vec2<f32> {
 
 // True if no vertex with a travel time in [tau_lo, tau_hi] and an optical distance in [d.x, d.y] can meet the gate (Eq. 19).
 fn is_pruned(tau_lo: f32, tau_hi: f32, d: vec2<f32>, shell: Shell) -> bool {
-    if (HAS_HOLE && tau_lo + d.x > shell.hole_lo && tau_hi + d.y < shell.hole_hi) {
+    if (HAS_GAP && tau_lo + d.x > shell.gap_lo && tau_hi + d.y < shell.gap_hi) {
         return true;
     }
     return tau_hi + d.y < shell.lo || tau_lo + d.x > shell.hi;

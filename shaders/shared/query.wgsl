@@ -8,7 +8,7 @@
 fn make_shell(q: PathVertex) -> Shell {
     let eta = eta_range(q);
     return Shell(q.position, frame.gate_lo - q.tau - frame.rounding_allowance, frame.gate_hi - q.tau + frame.rounding_allowance,
-        eta.x, eta.y, frame.hole_lo - q.tau + frame.rounding_allowance, frame.hole_hi - q.tau - frame.rounding_allowance);
+        eta.x, eta.y, frame.gap_lo - q.tau + frame.rounding_allowance, frame.gap_hi - q.tau - frame.rounding_allowance);
 }
 
 // Advances the generator of a query. Returns 32 random bits.

@@ -19,8 +19,8 @@ use taugate::internals::input::scenery;
 use taugate::internals::job::{feasible, read};
 use taugate::internals::render::sheets::Glass;
 use taugate::internals::render::{
-    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, formed_light, haze,
-    missing_light_at_any_time, probe,
+    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, formed_light,
+    missing_light_at_any_time, probe, view_thickness,
 };
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::METRES_PER_NS;
@@ -304,7 +304,7 @@ fn add_render(
         report.notes.extend(measured.iter().filter_map(BlackBacks::describe));
         backs = measured.map(|backs| backs.fraction);
         if !scene.media.is_empty() {
-            thickness = haze(device, scene, part, &prepared).ok().map(|haze| Thickness::new(haze, scene));
+            thickness = view_thickness(device, scene, part, &prepared).ok().map(|along| Thickness::new(along, scene));
         }
         if args.pixel.is_some() {
             shown = Some(pixel::shown(device, scene, part, &prepared)?);

@@ -43,7 +43,7 @@ impl Position {
         ready_job::Progress::new(budget, self.samples, seconds).fraction
     }
 
-    /// Seconds until the budget is used, at the pace of this process. `None` if the pace is not known yet.
+    /// Seconds until the budget is used, at the samples per second of this process. `None` if these are not known yet.
     fn left(&self, budget: &Budget) -> Option<f64> {
         let elapsed = self.elapsed.as_secs_f64();
         let left = match *budget {

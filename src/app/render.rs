@@ -34,7 +34,7 @@ use super::live::Live;
 use super::progress::{Position, Progress};
 use super::report::Report;
 use super::strategies::StrategyRender;
-use super::{compiling, pace, strategies};
+use super::{compiling, sample_time, strategies};
 use crate::app::cli::RenderArgs;
 pub use errors::NotFinite;
 use errors::{failure, with_saved_results};
@@ -261,7 +261,9 @@ impl Session {
         let made = job.ready(before, has_variance, open, preparation, &mut say);
         self.device = device;
         let mut job = made?;
-        if is_first && let Some(note) = preparation.timed("measure the pace", || pace::note(&job.ready))? {
+        if is_first
+            && let Some(note) = preparation.timed("measure seconds per sample", || sample_time::note(&job.ready))?
+        {
             self.progress.line(&note);
         }
         // Only the next frame of a sequence may use the prepared scene again.

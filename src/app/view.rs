@@ -12,7 +12,7 @@ mod renderers;
 mod save;
 mod server;
 mod signpost;
-mod stage;
+mod viewed_scene;
 
 use std::collections::VecDeque;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener};
@@ -39,7 +39,7 @@ use client::{Patience, Shared};
 use engine::{Command, Engine, Work};
 use message::Report;
 use signpost::Signpost;
-use stage::Stage;
+use viewed_scene::ViewedScene;
 
 /// Maximum number of commands that wait for the engine.
 const INBOX: usize = 256;
@@ -78,14 +78,14 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
     interrupts.end_the_process_at(Interrupt::First);
     let listener = server::bind(listen)?;
     let address = listener.local_addr()?;
-    let stage = Stage::new(experiment)?;
-    let device = Device::open(stage.start().render.device.as_deref())?;
+    let viewed = ViewedScene::new(experiment)?;
+    let device = Device::open(viewed.start().render.device.as_deref())?;
     let token = token()?;
 
     let (sender, inbox) = sync_channel(INBOX);
     let engine = Engine {
         device,
-        stage,
+        viewed,
         board: Arc::new(Board::new()),
         inbox,
         sender: sender.clone(),

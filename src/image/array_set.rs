@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::{Error, Result};
-use crate::files::{Staged, check_readable, read_error, remove, stage};
+use crate::files::{UnpublishedFile, check_readable, read_error, remove, write_unpublished};
 use crate::image::npy_file::{depth_path, description_path, header, variance_path};
 use crate::image::scan_layers::layers_path;
 
@@ -75,7 +75,7 @@ impl Check {
 /// A set whose arrays lie on disk under temporary names.
 pub struct ArraySet {
     path: PathBuf,
-    arrays: Vec<(Role, Staged, Check)>,
+    arrays: Vec<(Role, UnpublishedFile, Check)>,
 }
 
 impl ArraySet {
@@ -95,13 +95,13 @@ impl ArraySet {
     /// Writes an array under a temporary name; `write` writes its `.npy` file.
     pub fn add_with(&mut self, role: Role, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
         let mut check = None;
-        let staged = stage(&role.path(&self.path), |writer| {
+        let unpublished = write_unpublished(&role.path(&self.path), |writer| {
             let mut writer = Checked { writer, hasher: Hasher::new(), bytes: 0 };
             write(&mut writer)?;
             check = Some(Check::new(writer.bytes, writer.hasher));
             Ok(())
         })?;
-        self.arrays.push((role, staged, check.expect("the array was written")));
+        self.arrays.push((role, unpublished, check.expect("the array was written")));
         Ok(())
     }
 
@@ -118,7 +118,7 @@ impl ArraySet {
             .collect();
         let json = description_path(&self.path);
         let text = Recorded { description, files };
-        let staged = stage(&json, |writer| Ok(serde_json::to_writer_pretty(writer, &text)?))?;
+        let unpublished = write_unpublished(&json, |writer| Ok(serde_json::to_writer_pretty(writer, &text)?))?;
 
         let mut stale = stale_arrays(&self.path);
         stale.extend(self.arrays.iter().map(|(role, ..)| role.path(&self.path)).filter(|path| *path != self.path));
@@ -127,22 +127,22 @@ impl ArraySet {
         // The array replaces the earlier one, so it must come before the new arrays beside it.
         let mut arrays = self.arrays;
         arrays.sort_by_key(|(role, ..)| *role != Role::Array);
-        steps.extend(arrays.into_iter().map(|(_, staged, _)| Step::Publish(staged)));
-        steps.push(Step::Publish(staged));
+        steps.extend(arrays.into_iter().map(|(_, unpublished, _)| Step::Publish(unpublished)));
+        steps.push(Step::Publish(unpublished));
         Ok(steps)
     }
 }
 
 enum Step {
     Remove(PathBuf),
-    Publish(Staged),
+    Publish(UnpublishedFile),
 }
 
 impl Step {
     fn run(self) -> Result<()> {
         match self {
             Step::Remove(path) => remove(&path),
-            Step::Publish(staged) => staged.publish(),
+            Step::Publish(unpublished) => unpublished.publish(),
         }
     }
 }

@@ -120,8 +120,8 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
 const LATEST_LIGHT: f64 = 4.0;
 
 /// Maximum length in metres that the travel times to `camera` omit.
-fn omitted(camera: &Camera) -> f64 {
-    camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max)
+fn uncounted(camera: &Camera) -> f64 {
+    camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.uncounted).fold(0.0, f64::max)
 }
 
 /// The sum of lengths in metres that make the rounding errors of travel times to `camera` larger, for a gate that ends at `end`: see
@@ -129,7 +129,7 @@ fn omitted(camera: &Camera) -> f64 {
 fn unseen(scene: &Scene, camera: &Camera, emitters: &Emitters, responses: &Responses, end: f64) -> f64 {
     let from_origin = RenderSpace::distance_of_camera(scene, camera, emitters);
     let latest = if responses.is_repeated() { LATEST_LIGHT * scene.diagonal() } else { 0.0 };
-    omitted(camera) + from_origin + (latest - end).max(0.0)
+    uncounted(camera) + from_origin + (latest - end).max(0.0)
 }
 
 /// Whether a render with this gate instead of that of `settings` gives no warning about 32-bit travel times.

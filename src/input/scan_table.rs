@@ -207,17 +207,17 @@ impl Scan {
     pub fn camera(&self, index: usize) -> Camera {
         let lit = self.laser_points[index];
         let points = self.sensor_points.as_deref().unwrap_or(std::slice::from_ref(&lit));
-        let omitted = |point: DVec3| match self.accounts_first_and_last {
+        let uncounted = |point: DVec3| match self.accounts_first_and_last {
             true => 0.0,
             false => self.laser.distance(lit) + self.sensor.distance(point),
         };
-        aimed(self.sensor, points, self.pixel_fov, omitted)
+        aimed(self.sensor, points, self.pixel_fov, uncounted)
     }
 }
 
-/// A camera at `place` that looks at `points`. For each point, `omitted` metres are subtracted from the travel times.
-fn aimed(place: DVec3, points: &[DVec3], pixel_fov: f64, omitted: impl Fn(DVec3) -> f64) -> Camera {
-    let aims: Arc<[Aim]> = points.iter().map(|&point| Aim { point, omitted: omitted(point) }).collect();
+/// A camera at `place` that looks at `points`. For each point, `uncounted` metres are subtracted from the travel times.
+fn aimed(place: DVec3, points: &[DVec3], pixel_fov: f64, uncounted: impl Fn(DVec3) -> f64) -> Camera {
+    let aims: Arc<[Aim]> = points.iter().map(|&point| Aim { point, uncounted: uncounted(point) }).collect();
     Camera {
         projection: Projection::Aimed { aims, pixel_fov },
         ..Camera::looking_at(SENSOR, place, points[0], 1.0, [points.len() as u32, 1])
@@ -280,7 +280,7 @@ mod tests {
         let camera = scan.camera(1);
         let aims = camera.projection.aims().unwrap();
         assert_eq!((aims.len(), aims[0].point), (1, DVec3::new(0.5, 0.0, 0.0)));
-        assert_eq!(aims[0].omitted, 25.25f64.sqrt() + 16.25f64.sqrt());
+        assert_eq!(aims[0].uncounted, 25.25f64.sqrt() + 16.25f64.sqrt());
     }
 
     #[test]
@@ -290,7 +290,7 @@ mod tests {
         let scan = parse(keys).unwrap();
         assert_eq!((scan.laser_points.len(), scan.sensor_count(), scan.sensor), (2, 3, DVec3::new(0.0, 0.0, 5.0)));
         let (camera, light) = (scan.camera(1), scan.light(0));
-        assert!(camera.projection.aims().unwrap().iter().all(|aim| aim.omitted == 0.0));
+        assert!(camera.projection.aims().unwrap().iter().all(|aim| aim.uncounted == 0.0));
         assert_eq!((light.direction, light.kind), (DVec3::NEG_Z, LightKind::Beam { power: [2.0; 3], radius: 0.0 }));
     }
 

@@ -310,15 +310,15 @@ fn camera_rays(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> 
             f64::from(first) + (f64::from(k) + 0.5) / f64::from(count) * f64::from(size)
         };
         let film = [at(column, across, crop.x0, width), at(row, down, crop.y0, height)];
-        let omitted = match camera.projection.aims() {
+        let uncounted = match camera.projection.aims() {
             None => 0.0,
             Some(aims) => {
                 let [x, y] = film.map(|x| x as usize);
-                aims.get(y * resolution[0] as usize + x).map_or(0.0, |aim| aim.omitted)
+                aims.get(y * resolution[0] as usize + x).map_or(0.0, |aim| aim.uncounted)
             }
         };
         let origin = prepared.space.point(camera.origin(resolution, film)).as_dvec3();
-        let tau = -prepared.space.length(omitted) * f64::from(prepared.media.surrounding[1]);
+        let tau = -prepared.space.length(uncounted) * f64::from(prepared.media.surrounding[1]);
         let direction = camera.direction(resolution, film);
         Ray { tau, ..Ray::start(origin, direction, solid) }
     };

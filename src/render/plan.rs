@@ -158,9 +158,9 @@ pub struct Plan {
     /// Corners of the present sensor in render space; four equal points for a pinhole.
     sensor_corners: [Vec3; 4],
     /// Maximum over the pixels of the length in metres that does not count for their travel times.
-    omitted: f64,
-    /// The travel time of `omitted` in render space.
-    omitted_time: f32,
+    uncounted: f64,
+    /// The travel time of `uncounted` in render space.
+    uncounted_time: f32,
     /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
     /// See [`Geometry::max_delay`](super::geometry::Geometry::max_delay).
@@ -249,8 +249,8 @@ impl Plan {
             travel_time_bounds: prepared.travel_time_bounds(settings.max_depth()),
             prepared_sensor: prepared.sensor,
             sensor_corners: [Vec3::ZERO; 4],
-            omitted: 0.0,
-            omitted_time: 0.0,
+            uncounted: 0.0,
+            uncounted_time: 0.0,
             dark: false,
             space: prepared.space,
             responses: settings.responses().clone(),
@@ -329,8 +329,8 @@ impl Plan {
             frame.tree4_root = pool.tree4_root;
             frame.slots = slots;
         } else {
-            // A sensor subpath begins at minus the omitted length, but a light subpath begins at 0.
-            frame.cull_hi += self.omitted_time;
+            // A sensor subpath begins at minus the uncounted length, but a light subpath begins at 0.
+            frame.cull_hi += self.uncounted_time;
         }
         frame
     }

@@ -235,7 +235,7 @@ impl PreparedScene {
 /// Points of the laser at which light is searched that no strategy forms.
 const SEARCHED_POINTS: usize = 16;
 
-/// Stores the seed of each pixel with its aimed ray, whose omitted length is 0.
+/// Stores the seed of each pixel with its aimed ray, whose uncounted length is 0.
 pub(super) fn set_seeds(aims: &mut [[f32; 4]], seeds: &[u32]) {
     assert_eq!(aims.len(), seeds.len(), "each beam has a seed");
     for (aim, &seed) in aims.iter_mut().zip(seeds) {

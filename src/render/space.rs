@@ -79,7 +79,7 @@ impl RenderSpace {
         let aims = camera.projection.aims().unwrap_or_default().iter();
         let entry = aims.map(|aim| {
             let direction = (aim.point - camera.transform.translation).normalize();
-            direction.extend(self.length(aim.omitted)).as_vec4().to_array()
+            direction.extend(self.length(aim.uncounted)).as_vec4().to_array()
         });
         entry.collect()
     }

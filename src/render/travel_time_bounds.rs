@@ -74,9 +74,9 @@ impl TravelTimeBounds {
         TravelTimeBounds { min, max_segment, ..*self }.to_depth(self.max_depth)
     }
 
-    /// Bounds if up to `omitted` metres of a path do not count.
-    pub fn without(&self, omitted: f64) -> TravelTimeBounds {
-        TravelTimeBounds { min: (self.min - omitted * self.indices[1] * (1.0 + SLACK)).max(0.0), ..*self }
+    /// Bounds if up to `uncounted` metres of a path do not count.
+    pub fn without(&self, uncounted: f64) -> TravelTimeBounds {
+        TravelTimeBounds { min: (self.min - uncounted * self.indices[1] * (1.0 + SLACK)).max(0.0), ..*self }
     }
 
     /// Bounds for paths with at most `max_depth` segments.

@@ -68,7 +68,7 @@ pub struct Aim {
     pub point: DVec3,
     /// Length in metres, >= 0, that is subtracted from the travel times of this pixel. For example, the distance between the point
     /// and the camera, if travel times end at the point.
-    pub omitted: f64,
+    pub uncounted: f64,
 }
 
 impl Projection {
@@ -139,7 +139,7 @@ impl Aim {
     /// Whether a pixel of a camera at `place` can look at this point.
     fn is_valid(&self, place: DVec3) -> bool {
         let is_near = self.point.abs().max_element() <= MAX_COORDINATE;
-        is_near && (0.0..=MAX_COORDINATE).contains(&self.omitted) && self.point.distance(place) > 0.0
+        is_near && (0.0..=MAX_COORDINATE).contains(&self.uncounted) && self.point.distance(place) > 0.0
     }
 }
 
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn an_aimed_pixel_looks_at_its_point() {
-        let aim = |x: f64, y: f64, z: f64| Aim { point: DVec3::new(x, y, z), omitted: 0.0 };
+        let aim = |x: f64, y: f64, z: f64| Aim { point: DVec3::new(x, y, z), uncounted: 0.0 };
         let aims = [aim(4.0, 0.0, 0.0), aim(5.0, 2.0, 0.0), aim(5.0, 0.0, 7.0), aim(6.0, 1.0, 0.0)];
         let camera = camera(Projection::Aimed { aims: aims.into(), pixel_fov: 0.0 });
         let rays = [DVec3::NEG_X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 1.0, 0.0).normalize()];

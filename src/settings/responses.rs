@@ -102,7 +102,7 @@ impl Responses {
 
     /// The longest interval in which light counts for no response, between the supports of two responses. `None` if it is shorter than
     /// a quarter of [`Responses::support`].
-    pub fn hole(&self) -> Option<Gate> {
+    pub fn gap(&self) -> Option<Gate> {
         let mut supports: Vec<Gate> = self.iter().map(Response::support).collect();
         supports.sort_by(|a, b| a.lo.total_cmp(&b.lo));
         let mut end = supports[0].hi;

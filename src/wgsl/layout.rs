@@ -56,7 +56,7 @@ host_twins! {
         crop_height: u32, first_sample: u32, emitter_vertex_count: u32, slots: u32,
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
-        hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
+        gap_lo: f32, gap_hi: f32, min_detour: f32, auxiliary_density: f32,
         vertex_count: u32, sensor_solid: u32, undelayed_lo: f32, merge_radius: f32,
         photon_list_mask: u32, lowest_photon_level: i32, highest_photon_level: i32, merge_slot: f32,
         lens_radial: [f32; 4], lens_rest: [f32; 4], lens_limit: f32, pad0: f32, pad1: f32, pad2: f32,

@@ -277,10 +277,10 @@ fn depths_of_an_older_array_are_removed() {
 #[test]
 fn light_that_counts_for_no_gate_is_an_error() {
     let here = with_box();
-    std::fs::write(here.path().join("hole.csv"), "tau_m,weight\n0,1\n0.1,0\n900,0\n900.1,1\n").unwrap();
+    std::fs::write(here.path().join("gap.csv"), "tau_m,weight\n0,1\n0.1,0\n900,0\n900.1,1\n").unwrap();
     let before = names(here.path());
     let two = ["--max-depth", "3", "--response", "a=box:0m..0.1m", "--response", "b=box:40m..300m"];
-    for flags in [&two[..], &["--response", "hole.csv"]] {
+    for flags in [&two[..], &["--response", "gap.csv"]] {
         let render = [&["render", "box.glb", "-q", "--resolution", "8x6", "--spp", "2", "-o", "a.npy"], flags].concat();
         fails(here.path(), &render, 2, "meets no light");
         assert_eq!(names(here.path()), before);

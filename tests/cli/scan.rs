@@ -155,11 +155,11 @@ fn mistakes_in_a_scan_are_explained() {
     write(here, "beside.toml", "points = [[0, 0, 0], [0, 3, 0]]", "");
     write(here, "camera.toml", CONFOCAL, "[camera]\nfov = 30");
     write(here, "lamp.toml", CONFOCAL, "[emitter]\nlamp = [[0, 0, 1, 5]]");
-    write(here, "hole.toml", &CONFOCAL.replace("[3, 2]", "[1, 1]"), "");
-    let toml = std::fs::read_to_string(here.join("hole.toml")).unwrap();
-    std::fs::write(here.join("hole.toml"), toml.replace("gates = '1.9m..2.9m/5'", "response = 'hole.csv'")).unwrap();
-    // All light of this scan falls into the hole of the response.
-    std::fs::write(here.join("hole.csv"), "tau_m,weight\n0,1\n0.01,0\n900,0\n900.1,1\n").unwrap();
+    write(here, "gap.toml", &CONFOCAL.replace("[3, 2]", "[1, 1]"), "");
+    let toml = std::fs::read_to_string(here.join("gap.toml")).unwrap();
+    std::fs::write(here.join("gap.toml"), toml.replace("gates = '1.9m..2.9m/5'", "response = 'gap.csv'")).unwrap();
+    // All light of this scan falls into the gap of the response.
+    std::fs::write(here.join("gap.csv"), "tau_m,weight\n0,1\n0.01,0\n900,0\n900.1,1\n").unwrap();
     write(here, "late.toml", &CONFOCAL.replace("[3, 2]", "[1, 1]"), "max-depth = 3");
     let before = names(here);
     let table: [(&str, &[&str], &str); 13] = [
@@ -169,7 +169,7 @@ fn mistakes_in_a_scan_are_explained() {
         ("camera.toml", &[], "cannot have a camera"),
         ("lamp.toml", &[], "cannot have lights"),
         ("late.toml", &["-q"], "meets no light"),
-        ("hole.toml", &["-q"], "meets no light"),
+        ("gap.toml", &["-q"], "meets no light"),
         ("good.toml", &["--png", "x.png"], "cannot have --png"),
         ("good.toml", &["--frames", "0..2"], "cannot have --frames"),
         ("good.toml", &["--gif", "x.gif"], "cannot have --gif"),

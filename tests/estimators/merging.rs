@@ -171,7 +171,7 @@ fn a_lidar_sees_a_wall_through_its_cover() {
     scene.lights[0].kind = LightKind::Spot { intensity: [INTENSITY as f32; 3], inner: 0.00199, outer: 0.002 };
     let (truth, time) = behind_slab(0.0);
     for pixel_fov in [0.0, 1e-3, 2.5e-3] {
-        let aims = [Aim { point: DVec3::new(0.0, 0.0, -WALL), omitted: 0.0 }];
+        let aims = [Aim { point: DVec3::new(0.0, 0.0, -WALL), uncounted: 0.0 }];
         scene.cameras[0].projection = Projection::Aimed { aims: aims.into(), pixel_fov };
         let s = settings(Estimator::Bdpt, [1, 1]).light_paths(200).build().unwrap();
         let gate = Gate { lo: time - 0.01, hi: time + 0.01 };

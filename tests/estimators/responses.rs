@@ -35,12 +35,12 @@ fn separate(ends: &[[f64; 2]]) -> Responses {
     Responses::new(gates.map(|(k, gate)| Response::new(format!("{k}"), gate, Edge::Sharp)).collect()).unwrap()
 }
 
-/// Two thin gates with a hole between them: a render leaves out the light of the hole. Each gate agrees with the closed form.
+/// Two thin gates with a gap between them: a render leaves out the light of the gap. Each gate agrees with the closed form.
 #[test]
 #[ignore = "takes five seconds; every gate of a histogram is tested always"]
 fn gates_far_apart_agree_with_the_closed_form() {
     let responses = separate(&[[2.6, 2.8], [6.0, 6.4]]);
-    assert_eq!(responses.hole(), Some(Gate { lo: 2.8, hi: 6.0 }));
+    assert_eq!(responses.gap(), Some(Gate { lo: 2.8, hi: 6.0 }));
     let all = [Estimator::Lcs, Estimator::Epc, Estimator::LcsPaper, Estimator::Bdpt, Estimator::Pt];
     let estimators = if is_long() { &all[..] } else { &all[..1] };
     let limit = threshold(estimators.len() * responses.len());

@@ -33,8 +33,8 @@ const SEEN: [DVec3; 3] = [DVec3::new(0.2, 0.3, 0.0), DVec3::new(-0.4, 0.1, 0.0),
 const GATES: [(f64, f64); 4] = [(1.9, 2.1), (2.1, 2.3), (2.3, 2.35), (2.5, 4.0)];
 
 /// A wall, z = 0, and an object of 1 m x 1 m that faces it at a distance of 1 m. The sensor looks at `points`. For each
-/// point, travel times leave out `omitted` metres.
-fn scene(lit: DVec3, points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Scene {
+/// point, travel times leave out `uncounted` metres.
+fn scene(lit: DVec3, points: &[DVec3], uncounted: impl Fn(DVec3) -> f64) -> Scene {
     let mut scene = Scene::default();
     let wall = material(&mut scene, diffuse("wall", [WALL; 3]));
     let object = material(&mut scene, diffuse("object", [OBJECT; 3]));
@@ -42,12 +42,12 @@ fn scene(lit: DVec3, points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Scene 
     add(&mut scene, "object", object, quad(DVec3::new(-0.5, -0.5, 1.0), DVec3::Y, DVec3::X, [1.0; 2]));
     let kind = LightKind::Beam { power: [POWER; 3], radius: 0.0 };
     light(&mut scene, "laser", LASER, (lit - LASER).normalize(), kind);
-    scene.add_camera(sensor(points, omitted));
+    scene.add_camera(sensor(points, uncounted));
     scene
 }
 
-fn sensor(points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Camera {
-    let aims: Vec<Aim> = points.iter().map(|&point| Aim { point, omitted: omitted(point) }).collect();
+fn sensor(points: &[DVec3], uncounted: impl Fn(DVec3) -> f64) -> Camera {
+    let aims: Vec<Aim> = points.iter().map(|&point| Aim { point, uncounted: uncounted(point) }).collect();
     let projection = Projection::Aimed { aims: aims.into(), pixel_fov: 0.0 };
     Camera { projection, ..Camera::looking_at("sensor", SENSOR, points[0], 1.0, [points.len() as u32, 1]) }
 }
@@ -103,13 +103,13 @@ fn a_wall_has_the_radiance_of_the_closed_form() {
 }
 
 #[test]
-fn ways_to_the_wall_count_if_they_are_not_omitted() {
+fn ways_to_the_wall_count_unless_they_are_left_out() {
     let settings = scan_settings(Estimator::Lcs, &SEEN[..1]);
-    let mut omitted = renderer(&scene(LIT, &SEEN[..1], |seen| length_of_ends(LIT, seen)), &settings);
+    let mut uncounted = renderer(&scene(LIT, &SEEN[..1], |seen| length_of_ends(LIT, seen)), &settings);
     let mut counted = renderer(&scene(LIT, &SEEN[..1], |_| 0.0), &settings);
     let (lo, hi) = (GATES[1].0, GATES[1].1);
     let ends = length_of_ends(LIT, SEEN[0]);
-    let without = Cells::measure(&mut omitted, Gate { lo, hi }, 1, 1, 400, 1);
+    let without = Cells::measure(&mut uncounted, Gate { lo, hi }, 1, 1, 400, 1);
     let with = Cells::measure(&mut counted, Gate { lo: lo + ends, hi: hi + ends }, 1, 1, 400, 1);
     let difference = (without.mean(0) - with.mean(0)).abs();
     assert!(difference < 1e-3 * with.mean(0), "{} {}", without.mean(0), with.mean(0));
@@ -128,7 +128,7 @@ fn a_lidar_sees_what_its_laser_lights() {
         let mut scene = scene(seen, &[seen], |_| 0.0);
         scene.lights[0].kind = LightKind::spot([intensity as f32; 3], half as f32, half as f32);
         scene.cameras[0].transform.translation = LASER;
-        let aim = Aim { point: seen, omitted: 0.0 };
+        let aim = Aim { point: seen, uncounted: 0.0 };
         scene.cameras[0].projection = Projection::Aimed { aims: [aim].into(), pixel_fov };
         for estimator in Estimator::ALL {
             let settings = scan_settings(estimator, &[seen]).change().max_depth(2).light_paths(100);
@@ -175,15 +175,15 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     assert!(!turned.set_camera(&sensor(&SEEN[..2], |_| 0.0)).unwrap());
 }
 
-/// Light goes from the laser to a point of the wall and on to the sensor. If both ways are omitted, its travel time is 0. The bug:
+/// Light goes from the laser to a point of the wall and on to the sensor. If neither way counts, its travel time is 0. The bug:
 /// rounding made the travel time of some pixels negative, and a gate that began at 0 left them out.
 #[test]
 fn a_gate_that_begins_at_0_keeps_the_direct_return() {
     let points: Vec<DVec3> =
         (0..64).map(|i| DVec3::new(f64::from(i % 8), f64::from(i / 8), 0.0) / 8.1 - 0.43).collect();
     let points: Vec<DVec3> = points.into_iter().map(|p| DVec3 { z: 0.0, ..p }).collect();
-    let lit_by_cone = |omitted: &dyn Fn(DVec3) -> f64| {
-        let mut scene = scene(DVec3::ZERO, &points, omitted);
+    let lit_by_cone = |uncounted: &dyn Fn(DVec3) -> f64| {
+        let mut scene = scene(DVec3::ZERO, &points, uncounted);
         scene.lights[0].kind = LightKind::spot([1.0; 3], 0.4, 0.4);
         scene
     };
@@ -197,10 +197,10 @@ fn a_gate_that_begins_at_0_keeps_the_direct_return() {
             [Responses::from(Gate { lo: 0.0, hi: 1.0 }), Gates::new(Gate { lo: 0.0, hi: 1.0 }, 10).unwrap().into()];
         for responses in kinds {
             let settings = settings().responses(responses).build().unwrap();
-            let mut omitted = renderer(&lit_by_cone(&|seen| length_of_ends(seen, seen)), &settings);
-            omitted.iterate(4).unwrap();
+            let mut uncounted = renderer(&lit_by_cone(&|seen| length_of_ends(seen, seen)), &settings);
+            uncounted.iterate(4).unwrap();
             // All of it is in the first gate.
-            let first = omitted.responses().map_or_else(|| omitted.film().mean(), |film| film.mean(0));
+            let first = uncounted.responses().map_or_else(|| uncounted.film().mean(), |film| film.mean(0));
             let lost = truth.iter().zip(&first).filter(|(a, b)| (*a - *b).abs() > 1e-3 * **a).count() / 3;
             assert_eq!(lost, 0, "{estimator}, {} gates: {lost} of 64 pixels lose light", settings.responses().len());
         }

@@ -37,7 +37,7 @@ fn scene(pixel_fov: f64) -> Scene {
         LightKind::spot([INTENSITY as f32; 3], HALF as f32, HALF as f32),
     );
     camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 1.0, [1, 1]);
-    let aim = Aim { point: DVec3::new(0.0, 0.0, -WALL), omitted: 0.0 };
+    let aim = Aim { point: DVec3::new(0.0, 0.0, -WALL), uncounted: 0.0 };
     scene.cameras[0].projection = Projection::Aimed { aims: [aim].into(), pixel_fov };
     scene
 }

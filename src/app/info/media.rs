@@ -3,7 +3,7 @@
 use serde::Serialize;
 use taugate::internals::gpu::buffer_desc::mebibytes;
 use taugate::internals::job::feasible::short;
-use taugate::internals::render::{Haze, grid};
+use taugate::internals::render::{ViewThickness, grid};
 use taugate::internals::scene::{Medium as SceneMedium, PhaseFunction, Scene};
 
 /// A medium. Lengths are in metres; numbers are means over the channels.
@@ -103,13 +103,13 @@ pub struct Thickness {
 }
 
 impl Thickness {
-    pub fn new(haze: Haze, scene: &Scene) -> Thickness {
+    pub fn new(along: ViewThickness, scene: &Scene) -> Thickness {
         let finite = |x: f64| x.is_finite().then_some(x);
         Thickness {
-            centre: finite(haze.centre),
-            least: finite(haze.least),
-            greatest: finite(haze.greatest),
-            transmitted: haze.transmitted,
+            centre: finite(along.centre),
+            least: finite(along.least),
+            greatest: finite(along.greatest),
+            transmitted: along.transmitted,
             leaves_out_interiors: scene
                 .meshes
                 .iter()
@@ -142,10 +142,10 @@ mod tests {
 
     #[test]
     fn the_thickness_says_that_media_inside_of_meshes_do_not_count() {
-        let haze = Haze { centre: 2.0, least: 1.0, greatest: f64::INFINITY, transmitted: 0.25 };
+        let along = ViewThickness { centre: 2.0, least: 1.0, greatest: f64::INFINITY, transmitted: 0.25 };
         let text = |interior: Option<SceneMedium>| {
             let (materials, meshes) = (vec![Material { interior, ..Material::glass("glass") }], vec![Mesh::default()]);
-            Thickness::new(haze, &Scene { materials, meshes, ..Scene::default() }).describe()
+            Thickness::new(along, &Scene { materials, meshes, ..Scene::default() }).describe()
         };
         let rest = "2.0000 along the central ray, from 1.0000 to unlimited over the view; 25.000 % of the light goes straight through \
                     the centre";

@@ -21,7 +21,7 @@ use super::board::Board;
 use super::engine::Command;
 use super::message::{Change, Layer, Pixel, Report, Request};
 use super::picture::BETWEEN_PICTURES;
-use super::{Answers, board::Surfaces, stage};
+use super::{Answers, board::Surfaces, viewed_scene};
 
 /// How long the program waits for a page.
 pub struct Patience {
@@ -289,7 +289,7 @@ impl Client<'_> {
 
     /// Passes changes to the engine and asks it to end the present iteration. Changes with a typing error are refused and end nothing.
     fn set(&self, changes: BTreeMap<String, Change>, number: u32, page: &Answers) {
-        let error = stage::typing_error(&changes);
+        let error = viewed_scene::typing_error(&changes);
         if let Some(error) = &error {
             page.send(&Report::Problem { message: error.to_string() });
         }

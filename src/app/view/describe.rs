@@ -13,19 +13,19 @@ use taugate::internals::settings::Settings;
 
 use super::super::info;
 use super::message::{Camera, Emitter, Medium, Response, State, Welcome};
-use super::stage::Stage;
+use super::viewed_scene::ViewedScene;
 
 /// Minimum distance of the point at which a camera looks, relative to the diagonal of the scene.
 const LEAST_DISTANCE: f64 = 0.05;
 
-pub fn welcome(stage: &Stage, device: &Device, folder: &Path) -> Welcome {
-    let scene = stage.scene();
-    let path = stage.start().scene.as_ref().expect("the experiment names a scene");
+pub fn welcome(viewed: &ViewedScene, device: &Device, folder: &Path) -> Welcome {
+    let scene = viewed.scene();
+    let path = viewed.start().scene.as_ref().expect("the experiment names a scene");
     Welcome {
         version: exr_file::version().trim_start_matches("taugate ").into(),
         scene: path.file_name().unwrap_or_default().to_string_lossy().into(),
         device: device.info().name.clone(),
-        cameras: stage.cameras().map(String::from).collect(),
+        cameras: viewed.cameras().map(String::from).collect(),
         emitters: info::emitters(scene).map(|(node, kind)| Emitter { node, kind }).collect(),
         estimators: Estimator::ALL.map(Estimator::name).to_vec(),
         bounds: scene.bounds().map(|corners| corners.map(|corner| corner.to_array())),
@@ -35,8 +35,8 @@ pub fn welcome(stage: &Stage, device: &Device, folder: &Path) -> Welcome {
 
 /// The present settings. `warnings` come from the preparation of the scene. `input` is the file that the user named, and whether
 /// the viewer uses all its settings.
-pub fn state(stage: &Stage, revision: u32, paused: bool, warnings: &[String], input: (&Path, bool)) -> State {
-    let (scene, view) = (stage.scene(), stage.view());
+pub fn state(viewed: &ViewedScene, revision: u32, paused: bool, warnings: &[String], input: (&Path, bool)) -> State {
+    let (scene, view) = (viewed.scene(), viewed.view());
     let settings = &view.settings;
     let responses = settings.responses().iter().map(|response| {
         let gate = response.gate();
@@ -58,7 +58,7 @@ pub fn state(stage: &Stage, revision: u32, paused: bool, warnings: &[String], in
         paused,
         notes: view.notes.clone(),
         warnings: [&view.warnings[..], warnings].concat(),
-        command: command(stage, input),
+        command: command(viewed, input),
     }
 }
 
@@ -84,8 +84,8 @@ fn camera(scene: &Scene, settings: &Settings) -> Camera {
 }
 
 /// The command line that renders the same image. `None` if flags cannot give these settings.
-fn command(stage: &Stage, (input, is_whole): (&Path, bool)) -> Option<String> {
-    let (start, experiment) = (stage.start(), &stage.view().experiment);
+fn command(viewed: &ViewedScene, (input, is_whole): (&Path, bool)) -> Option<String> {
+    let (start, experiment) = (viewed.start(), &viewed.view().experiment);
     let is_scene = start.scene.as_deref() == Some(input);
     // Flags cannot express every setting of an experiment file. Then the command names this file, with flags for the settings that
     // the page changed.

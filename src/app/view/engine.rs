@@ -24,7 +24,7 @@ use super::board::{Board, Topic};
 use super::message::{Change, Phase, Report, Welcome};
 use super::picture::{BETWEEN_PICTURES, Picture};
 use super::renderers::Renderers;
-use super::stage::{Effect, Stage};
+use super::viewed_scene::{Effect, ViewedScene};
 use super::{Answers, describe};
 use iteration::{change, sum};
 use probed::Probed;
@@ -73,7 +73,7 @@ enum Next {
 
 pub struct Engine {
     pub device: Device,
-    pub stage: Stage,
+    pub viewed: ViewedScene,
     pub board: Arc<Board>,
     pub inbox: Receiver<Command>,
     /// The other end of `inbox`.
@@ -158,7 +158,7 @@ impl Engine {
             }
             Command::Save { name, page } => page.send(&self.save(&name)),
             Command::Set { changes, number, page } => {
-                let mut total = change(&mut self.stage, &changes, &page);
+                let mut total = change(&mut self.viewed, &changes, &page);
                 self.unanswered.push((page, number));
                 // Changes that came meanwhile begin one render together.
                 while let Some(command) = self.waiting.pop_front().or_else(|| self.inbox.try_recv().ok()) {
@@ -166,7 +166,7 @@ impl Engine {
                         self.waiting.push_front(command);
                         break;
                     };
-                    total = sum(total, change(&mut self.stage, &changes, &page));
+                    total = sum(total, change(&mut self.viewed, &changes, &page));
                     self.unanswered.push((page, number));
                 }
                 self.follow(total);
@@ -176,7 +176,7 @@ impl Engine {
         Next::Step
     }
 
-    /// Acts on the effect of changes that the stage has accepted, if any, and answers all changes.
+    /// Acts on the effect of changes that the viewed scene has accepted, if any, and answers all changes.
     fn follow(&mut self, effect: Option<Effect>) {
         match effect {
             None => {}
@@ -191,7 +191,7 @@ impl Engine {
 
     /// Begins a render with the present settings.
     fn begin(&mut self, effect: Effect) {
-        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
+        let (scene, settings) = (self.viewed.scene(), &self.viewed.view().settings);
         let work = &mut self.work;
         let done = match (&mut work.renderers, effect) {
             (Some(renderers), Effect::Restart)
@@ -221,7 +221,7 @@ impl Engine {
     fn announce(&mut self, effect: Effect) {
         let work = &mut self.work;
         work.revision += 1;
-        let probed = Probed::new(&self.stage.view().settings);
+        let probed = Probed::new(&self.viewed.view().settings);
         let is_same_view = matches!(effect, Effect::Restart | Effect::Settings);
         let is_like = |is_like: fn(&Probed, &Probed) -> bool| {
             is_same_view && work.probed.is_none_or(|before| is_like(&probed, &before))
@@ -230,7 +230,7 @@ impl Engine {
         work.has_arrivals &= is_like(Probed::has_light_of);
         work.has_surfaces &= keeps_surfaces;
         work.probed = Some(probed);
-        let welcome = describe::welcome(&self.stage, &self.device, &self.folder);
+        let welcome = describe::welcome(&self.viewed, &self.device, &self.folder);
         if work.welcome.as_ref() != Some(&welcome) {
             self.board.report(Topic::Welcome, &Report::Welcome(welcome.clone()));
             work.welcome = Some(welcome);
@@ -279,7 +279,7 @@ impl Engine {
         // Free the old scene first, so that the device never holds two copies.
         self.work.renderers = None;
         self.reopen_lost_device()?;
-        let renderers = Renderers::new(&self.device, self.stage.scene(), &self.stage.view().settings)?;
+        let renderers = Renderers::new(&self.device, self.viewed.scene(), &self.viewed.view().settings)?;
         let work = &mut self.work;
         (work.moved, work.previews) = (None, previews.min(renderers.previews.len()));
         let has_other_warnings = renderers.warnings != before;
@@ -310,14 +310,14 @@ impl Engine {
         let seconds_per_pixel =
             start.elapsed().as_secs_f64() / pixels([preview.film().width(), preview.film().height()]);
         self.board.picture(Picture::new(preview, work.revision));
-        let is_soon = seconds_per_pixel * pixels(self.stage.view().settings.resolution()) < SOON;
+        let is_soon = seconds_per_pixel * pixels(self.viewed.view().settings.resolution()) < SOON;
         work.previews = if is_soon { usize::MAX } else { work.previews + 1 };
         self.report_progress(Phase::Coarse);
         Ok(Next::Step)
     }
 
     fn full_step(&mut self) -> Result<Next> {
-        let view = self.stage.view();
+        let view = self.viewed.view();
         let render = &view.experiment.render;
         let budget = match render.spp.is_some() || render.time.is_some() {
             true => view.settings.budget(),

@@ -28,11 +28,11 @@ impl Engine {
         let bins = times.as_ref().zip(end).map(|(times, end)| times.histogram(end, ARRIVAL_BINS)).unwrap_or_default();
         let begin = bins.first().map_or(0.0, |([begin, _], _)| *begin);
         let preset = |name: &str, gate: Gate| Response { name: name.into(), lo: gate.lo, hi: Some(gate.hi) };
-        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
+        let (scene, settings) = (self.viewed.scene(), &self.viewed.view().settings);
         let measured = PRESETS.into_iter().filter_map(|(name, percent)| {
             Some(preset(name, feasible::suggestion(times.as_ref()?, scene, settings, percent)?))
         });
-        let at_start = chosen(&self.stage.start().gate).ok().filter(|responses| responses.len() == 1);
+        let at_start = chosen(&self.viewed.start().gate).ok().filter(|responses| responses.len() == 1);
         let at_start = at_start.and_then(|responses| responses.iter().next().map(|response| response.gate()));
         let at_start = at_start.filter(|gate| gate.hi.is_finite());
         let arrivals = Arrivals {
@@ -47,7 +47,7 @@ impl Engine {
 
     /// The travel times of all light that has one; `None` if all light comes from infinitely far away.
     fn arrivals(&self) -> Result<Option<TravelTimes>> {
-        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
+        let (scene, settings) = (self.viewed.scene(), &self.viewed.view().settings);
         let prepared = &self.work.renderers.as_ref().expect("the scene is prepared").prepared;
         if !prepared.has_distant() {
             return probe(&self.device, scene, settings, prepared).map(Some);
@@ -61,7 +61,7 @@ impl Engine {
     /// Finds depth, normal and object of every pixel.
     pub(super) fn find_surfaces(&mut self) {
         self.work.has_surfaces = true;
-        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
+        let (scene, settings) = (self.viewed.scene(), &self.viewed.view().settings);
         let [width, height] = settings.resolution();
         let pixels = width as usize * height as usize;
         let (mut depth, mut normal) = (vec![0.0; pixels], vec![[0.0; 3]; pixels]);

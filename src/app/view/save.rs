@@ -14,7 +14,7 @@ use taugate::internals::settings::values::Files;
 use taugate::internals::settings::{Budget, MAX_SPP};
 
 use super::super::report::Report;
-use super::stage::Stage;
+use super::viewed_scene::ViewedScene;
 
 /// Maximum length of a name.
 const MAX_NAME: usize = 100;
@@ -22,7 +22,7 @@ const MAX_NAME: usize = 100;
 /// The image so far.
 pub struct Finished<'a> {
     pub renderer: &'a Renderer,
-    pub stage: &'a Stage,
+    pub viewed: &'a ViewedScene,
     /// Time spent on the iterations.
     pub seconds: f64,
 }
@@ -35,10 +35,10 @@ impl Finished<'_> {
         if let Some(file) = outputs.replaced().iter().find(|file| file.symlink_metadata().is_ok()) {
             bail!("{} exists already; save under another name", file.display());
         }
-        let view = self.stage.view();
+        let view = self.viewed.view();
         let samples = self.renderer.film().samples().min(MAX_SPP.into()) as u32;
         let settings = view.settings.change().budget(Budget::Spp(samples)).build()?;
-        let config = resolve::as_experiment(&view.placed, &settings, self.stage.scene());
+        let config = resolve::as_experiment(&view.placed, &settings, self.viewed.scene());
         let printed = Experiment { output: Default::default(), ..config }.to_toml();
         let provenance =
             Provenance { merged: self.renderer.merged(), ..Provenance::new(&settings, self.seconds, printed) };
@@ -62,7 +62,7 @@ impl Finished<'_> {
     fn outputs(&self, folder: &Path, name: &str) -> anyhow::Result<Outputs> {
         check_name(name)?;
         let path = folder.join(name);
-        let mut wanted = Experiment { gate: self.stage.view().experiment.gate.clone(), ..Experiment::default() };
+        let mut wanted = Experiment { gate: self.viewed.view().experiment.gate.clone(), ..Experiment::default() };
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
         // `resolve::outputs` needs an image or an array, even if only other files are written.
         let image = if extension == "exr" { path.clone() } else { path.with_extension("npy") };

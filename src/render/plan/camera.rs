@@ -77,7 +77,8 @@ impl Plan {
         (frame.lens_radial, frame.lens_rest) = (radial.map(|k| k as f32), rest.map(|k| k as f32));
         frame.lens_limit = camera.lens_limit([frame.width, frame.height]).map_or(0.0, |limit| limit as f32);
         self.sensor_corners = camera.corners([frame.width, frame.height]).map(|corner| self.space.point(corner));
-        self.omitted = camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max);
+        self.uncounted =
+            camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.uncounted).fold(0.0, f64::max);
         true
     }
 }

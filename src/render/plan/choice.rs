@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use crate::settings::units::Gate;
 use crate::settings::{Estimator, Responses, Settings, Strategies, UseEllipsoids};
 
-/// The estimator's record for histograms is used if the support, without its hole, is longer than this fraction of the scene's
+/// The estimator's record for histograms is used if the support, without its gap, is longer than this fraction of the scene's
 /// diagonal. A single box ([`Responses::is_single_box`]) never uses this record. Most light vertices miss a shorter support; queries
 /// find the others.
 const HISTOGRAM_WIDTH: f64 = 0.1;
@@ -74,9 +74,9 @@ impl Choice {
     }
 }
 
-/// Length in metres of the support without its hole ([`Responses::hole`]).
+/// Length in metres of the support without its gap ([`Responses::gap`]).
 fn lit_length(responses: &Responses) -> f64 {
-    length(responses.support()) - responses.hole().map_or(0.0, length)
+    length(responses.support()) - responses.gap().map_or(0.0, length)
 }
 
 /// Whether a gate is thin in a scene of this diagonal. Light in the gate has travelled at most `gate.hi`, except in scans whose travel

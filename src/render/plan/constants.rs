@@ -27,7 +27,7 @@ impl Plan {
             ("HAS_PARALLEL", switch(self.has_distant || self.camera_kind.is_orthographic)),
             ("HAS_OWN_LASERS", switch(self.has_own_lasers)),
             ("LASER_RADIUS", self.laser_radius),
-            ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
+            ("HAS_GAP", switch(self.frame.gap_lo < self.frame.gap_hi)),
             ("HAS_SKY", switch(self.has_sky)),
             ("MERGES", switch(self.merging.is_some())),
             ("MERGED_ENTRIES", self.merged_entries().into()),

@@ -22,26 +22,26 @@ impl Plan {
     /// Sets the seed and the responses. Then sets `dark` and the fields of the frame that depend on the gate and on the camera.
     pub fn set(&mut self, seed: u32, responses: Responses) {
         let gate = responses.support();
-        // A hole would have to be narrower where thin glass may still delay the light.
-        let hole = responses.hole().filter(|_| !self.features.delays);
-        let hole = hole.map_or([OPEN; 2], |hole| [hole.lo, hole.hi].map(|end| self.space.length(end) as f32));
-        [self.frame.hole_lo, self.frame.hole_hi] = hole;
+        // A gap would have to be narrower where thin glass may still delay the light.
+        let gap = responses.gap().filter(|_| !self.features.delays);
+        let gap = gap.map_or([OPEN; 2], |gap| [gap.lo, gap.hi].map(|end| self.space.length(end) as f32));
+        [self.frame.gap_lo, self.frame.gap_hi] = gap;
         self.responses = responses;
         // The distance to a point or to a convex box, such as `prepared_sensor`, is largest at a corner of the sensor.
         let farthest =
             |distance: &dyn Fn(Vec3) -> f64| self.sensor_corners.map(distance).into_iter().fold(0.0, f64::max);
         let from_origin = farthest(&|corner| corner.as_dvec3().length());
         let moved = farthest(&|corner| self.prepared_sensor.distance_to(corner));
-        let travel_time_bounds = self.travel_time_bounds.moved(moved * self.space.unit).without(self.omitted);
+        let travel_time_bounds = self.travel_time_bounds.moved(moved * self.space.unit).without(self.uncounted);
         self.dark = self.cull && !gate.is_open() && !travel_time_bounds.overlaps(&gate);
-        let omitted = self.space.length(self.omitted * self.group_index);
+        let uncounted = self.space.length(self.uncounted * self.group_index);
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
-        // If the ways to and from a wall are omitted, light that comes straight back has travel time 0 up to rounding. A gate that
+        // If the ways to and from a wall do not count, light that comes straight back has travel time 0 up to rounding. A gate that
         // begins at 0 must keep this light even if rounding makes its travel time negative.
-        let gate = if gate.lo == 0.0 && omitted > 0.0 { Gate { lo: -omitted, ..gate } } else { gate };
+        let gate = if gate.lo == 0.0 && uncounted > 0.0 { Gate { lo: -uncounted, ..gate } } else { gate };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
+        let rounding_allowance = rounding_allowance(gate, from_origin + uncounted);
         self.frame.seed = seed;
         self.frame.undelayed_lo = gate.lo as f32;
         // An ellipsoidal connection has two segments that thin glass may delay.
@@ -60,14 +60,14 @@ impl Plan {
         self.frame.auxiliary_density = (f64::from(self.estimator.ellipsoid_sample_count) * self.group_index
             / (width * f64::from(MEAN_ARC))) as f32;
         self.frame.cull_hi = if self.cull && closed { hi + rounding_allowance } else { OPEN };
-        self.omitted_time = omitted as f32;
+        self.uncounted_time = uncounted as f32;
     }
 
     /// Whether a render with these kernels can begin again with `responses`.
     pub fn can_have(&self, responses: &Responses) -> bool {
         let kind = |responses: &Responses| {
             let strata = self.event_strata(responses);
-            (responses.is_single_box(), responses.hole().is_some(), self.choice.is_histogram(responses), strata)
+            (responses.is_single_box(), responses.gap().is_some(), self.choice.is_histogram(responses), strata)
         };
         kind(&self.responses) == kind(responses)
     }

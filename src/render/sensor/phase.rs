@@ -16,11 +16,11 @@ pub struct SensorPhase {
     device: Device,
     compaction: Arc<Compaction>,
     frame: Buffer,
-    ready: Option<Ready>,
+    objects: Option<SensorObjects>,
 }
 
 /// Everything that sensor tracing needs; the pool of the iteration is on the device.
-pub struct Ready {
+pub struct SensorObjects {
     tracer: SensorTracer,
     pool: DevicePool,
     bindings: SensorBindings,
@@ -28,7 +28,7 @@ pub struct Ready {
 
 impl SensorPhase {
     pub fn new(device: &Device, compaction: Arc<Compaction>) -> Result<SensorPhase> {
-        Ok(SensorPhase { device: device.clone(), compaction, frame: frame_buffer(device)?, ready: None })
+        Ok(SensorPhase { device: device.clone(), compaction, frame: frame_buffer(device)?, objects: None })
     }
 
     /// Uploads the pool and the frame of an iteration. Creates new buffers and descriptor sets if the present ones are too
@@ -40,17 +40,17 @@ impl SensorPhase {
         scene: &DeviceScene,
         pool: &SortedPool,
         stats: &mut Stats,
-    ) -> Result<&mut Ready> {
-        let ready = self.fit(plan, scene, pool, stats)?;
-        let ready = self.ready.insert(ready);
-        self.frame.write(0, &[plan.frame(iteration, Some((&pool.layout, ready.tracer.slots)))])?;
-        Ok(ready)
+    ) -> Result<&mut SensorObjects> {
+        let objects = self.fit(plan, scene, pool, stats)?;
+        let objects = self.objects.insert(objects);
+        self.frame.write(0, &[plan.frame(iteration, Some((&pool.layout, objects.tracer.slots)))])?;
+        Ok(objects)
     }
 
-    fn fit(&mut self, plan: &Plan, scene: &DeviceScene, pool: &SortedPool, stats: &mut Stats) -> Result<Ready> {
+    fn fit(&mut self, plan: &Plan, scene: &DeviceScene, pool: &SortedPool, stats: &mut Stats) -> Result<SensorObjects> {
         let slots = plan.slots(&pool.layout);
         let mut tracer = None;
-        if let Some(mut old) = self.ready.take() {
+        if let Some(mut old) = self.objects.take() {
             let fits = old.tracer.slots >= slots && stats.timed(stage::UPLOAD, || old.pool.replace(pool))?;
             if fits {
                 return Ok(old);
@@ -72,11 +72,11 @@ impl SensorPhase {
         let pool = stats.timed(stage::UPLOAD, || DevicePool::new(device, pool))?;
         let bindings = stats
             .timed(stage::ALLOCATE, || tracer.kernels.bind(&tracer.buffers, &scene.bindings(&self.frame), &pool))?;
-        Ok(Ready { tracer, pool, bindings })
+        Ok(SensorObjects { tracer, pool, bindings })
     }
 }
 
-impl Ready {
+impl SensorObjects {
     /// Begins an iteration, which is abandoned soon after `stop` has become true.
     pub fn begin(&mut self, stop: &Arc<AtomicBool>) {
         let tracer = &mut self.tracer;

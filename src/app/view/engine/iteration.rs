@@ -10,7 +10,7 @@ use taugate::internals::threads::spawn_scoped;
 
 use super::super::Answers;
 use super::super::message::{Change, Report};
-use super::super::stage::{Effect, Stage};
+use super::super::viewed_scene::{Effect, ViewedScene};
 use super::{Command, Engine};
 
 impl Engine {
@@ -35,7 +35,7 @@ impl Engine {
                 match command {
                     Command::IterationOver => break,
                     Command::Set { changes, number, page } if self.waiting.is_empty() => {
-                        total = sum(total, change(&mut self.stage, &changes, &page));
+                        total = sum(total, change(&mut self.viewed, &changes, &page));
                         self.unanswered.push((page, number));
                         if total.is_some_and(|effect| effect != Effect::Nothing) {
                             abandon();
@@ -64,8 +64,8 @@ impl Engine {
 }
 
 /// Applies changes. Tells the page if they are refused, and returns their effect otherwise.
-pub fn change(stage: &mut Stage, changes: &BTreeMap<String, Change>, page: &Answers) -> Option<Effect> {
-    let effect = stage.change(changes);
+pub fn change(viewed: &mut ViewedScene, changes: &BTreeMap<String, Change>, page: &Answers) -> Option<Effect> {
+    let effect = viewed.change(changes);
     effect.inspect_err(|error| page.send(&Report::Problem { message: error.to_string() })).ok()
 }
 

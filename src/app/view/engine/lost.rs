@@ -12,7 +12,7 @@ impl Engine {
     /// Opens the device again if it was lost. No renderer may use it any more.
     pub(super) fn reopen_lost_device(&mut self) -> Result<()> {
         if self.device.is_lost() {
-            self.device = Device::open(self.stage.start().render.device.as_deref())?;
+            self.device = Device::open(self.viewed.start().render.device.as_deref())?;
             // These measurements may have failed with the old device.
             (self.work.has_arrivals, self.work.has_surfaces) = (false, false);
         }

@@ -16,7 +16,7 @@ impl Engine {
     pub(super) fn publish_state(&self, is_new: bool, keeps_surfaces: bool) {
         let work = &self.work;
         let warnings = work.renderers.as_ref().map_or(&[][..], |renderers| &renderers.warnings);
-        let state = describe::state(&self.stage, work.revision, work.paused, warnings, (&self.input, self.is_whole));
+        let state = describe::state(&self.viewed, work.revision, work.paused, warnings, (&self.input, self.is_whole));
         let resolution = state.resolution;
         self.board.state(&Report::State(Box::new(state)), resolution, is_new, keeps_surfaces);
     }
@@ -26,7 +26,7 @@ impl Engine {
         let work = &mut self.work;
         let full = &work.renderers.as_ref().expect("the scene is prepared").full;
         if let Some(tev) = &mut self.tev {
-            let (scene, responses) = (self.stage.start().scene.as_deref(), self.stage.view().settings.responses());
+            let (scene, responses) = (self.viewed.start().scene.as_deref(), self.viewed.view().settings.responses());
             let name = scene.and_then(Path::file_name).unwrap_or_default().to_string_lossy();
             let make = || snapshot(&name, responses, full);
             if phase == Phase::Rendering {
@@ -79,7 +79,7 @@ impl Engine {
                 })
             },
             |full| {
-                let finished = save::Finished { renderer: full, stage: &self.stage, seconds: work.seconds };
+                let finished = save::Finished { renderer: full, viewed: &self.viewed, seconds: work.seconds };
                 finished.save(&self.folder, name).map_err(|error| format!("{error:#}"))
             },
         );

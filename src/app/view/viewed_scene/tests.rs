@@ -6,13 +6,13 @@ use taugate::internals::settings::table;
 use super::super::message::Request;
 use super::*;
 
-fn stage() -> (tempfile::TempDir, Stage) {
+fn viewed() -> (tempfile::TempDir, ViewedScene) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.glb");
     std::fs::write(&path, glb::write(&build(Kind::CornellBox))).unwrap();
     let mut start = Experiment { scene: Some(path), ..Experiment::default() };
     named::set(&mut start, "gate", Some("6m..7m")).unwrap();
-    (folder, Stage::new(start).unwrap())
+    (folder, ViewedScene::new(start).unwrap())
 }
 
 fn changes(json: &str) -> BTreeMap<String, Change> {
@@ -21,7 +21,7 @@ fn changes(json: &str) -> BTreeMap<String, Change> {
 
 #[test]
 fn changes_say_what_they_invalidate() {
-    let (_folder, mut stage) = stage();
+    let (_folder, mut viewed) = viewed();
     for (json, expected) in [
         (r#"{"gate": "6.2m..6.5m"}"#, Effect::Restart),
         (r#"{"seed": "7"}"#, Effect::Restart),
@@ -38,32 +38,32 @@ fn changes_say_what_they_invalidate() {
         (r#"{"resolution": "32x64"}"#, Effect::All),
         (r#"{"resolution": "32x64"}"#, Effect::Nothing),
     ] {
-        assert_eq!(stage.change(&changes(json)).unwrap(), expected, "{json}");
+        assert_eq!(viewed.change(&changes(json)).unwrap(), expected, "{json}");
     }
 }
 
 #[test]
 fn values_return_to_those_of_the_start() {
-    let (_folder, mut stage) = stage();
-    let start = stage.view().settings.clone();
-    stage.change(&changes(r#"{"depth": "1m..2m", "fov": "50"}"#)).unwrap();
-    assert!(stage.view().experiment.gate.gate.is_none());
-    stage.change(&changes(r#"{"gate": false}"#)).unwrap();
-    assert!(stage.view().settings.responses().are_steady());
-    stage.change(&changes(r#"{"gate": null, "fov": null}"#)).unwrap();
-    assert!(stage.view().settings == start);
+    let (_folder, mut viewed) = viewed();
+    let start = viewed.view().settings.clone();
+    viewed.change(&changes(r#"{"depth": "1m..2m", "fov": "50"}"#)).unwrap();
+    assert!(viewed.view().experiment.gate.gate.is_none());
+    viewed.change(&changes(r#"{"gate": false}"#)).unwrap();
+    assert!(viewed.view().settings.responses().are_steady());
+    viewed.change(&changes(r#"{"gate": null, "fov": null}"#)).unwrap();
+    assert!(viewed.view().settings == start);
 }
 
 #[test]
 fn another_camera_stands_where_the_file_says() {
-    let (_folder, stage) = stage();
-    let of_file = stage.scene().cameras[0].clone();
-    let mut start = stage.start().clone();
+    let (_folder, viewed) = viewed();
+    let of_file = viewed.scene().cameras[0].clone();
+    let mut start = viewed.start().clone();
     named::set(&mut start, "ortho", Some("2")).unwrap();
-    let mut stage = Stage::new(start).unwrap();
+    let mut viewed = ViewedScene::new(start).unwrap();
     // The page sends these removals too, in case an earlier move of the camera still waits to be sent.
-    stage.change(&changes(r#"{"camera": "camera", "look-from": false, "up": false, "fov": false}"#)).unwrap();
-    assert_eq!(stage.scene().cameras[stage.view().settings.camera()], of_file);
+    viewed.change(&changes(r#"{"camera": "camera", "look-from": false, "up": false, "fov": false}"#)).unwrap();
+    assert_eq!(viewed.scene().cameras[viewed.view().settings.camera()], of_file);
 }
 
 #[test]
@@ -83,35 +83,35 @@ fn effects_add_up() {
 
 #[test]
 fn another_gate_replaces_responses_with_gates_of_their_own() {
-    let (_folder, stage) = stage();
+    let (_folder, viewed) = viewed();
     for (name, text) in [("response", "gauss:6m..6.5m,5cm"), ("gates", "6m..7m/2")] {
-        let mut start = stage.start().clone();
+        let mut start = viewed.start().clone();
         named::set(&mut start, "gate", None).unwrap();
         named::set(&mut start, name, Some(text)).unwrap();
         named::set(&mut start, "repeat", Some("50m")).unwrap();
-        let mut stage = Stage::new(start).unwrap();
-        let of_start = stage.view().settings.clone();
-        stage.change(&changes(r#"{"gate": "6.2m..6.4m", "repeat": false}"#)).unwrap();
-        let responses = stage.view().settings.responses();
+        let mut viewed = ViewedScene::new(start).unwrap();
+        let of_start = viewed.view().settings.clone();
+        viewed.change(&changes(r#"{"gate": "6.2m..6.4m", "repeat": false}"#)).unwrap();
+        let responses = viewed.view().settings.responses();
         assert!(responses.is_single_box() && responses.support().lo == 6.2, "{}", responses.describe());
-        stage.change(&changes(r#"{"gate": false}"#)).unwrap();
-        assert!(stage.view().settings.responses().are_steady());
-        stage.change(&changes(r#"{"gate": null, "repeat": null}"#)).unwrap();
-        assert!(stage.view().settings == of_start, "{name}");
+        viewed.change(&changes(r#"{"gate": false}"#)).unwrap();
+        assert!(viewed.view().settings.responses().are_steady());
+        viewed.change(&changes(r#"{"gate": null, "repeat": null}"#)).unwrap();
+        assert!(viewed.view().settings == of_start, "{name}");
     }
 }
 
 #[test]
 fn a_refused_change_leaves_everything_as_it_was() {
-    let (_folder, mut stage) = stage();
-    stage.change(&changes(r#"{"look-from": "0,1,3"}"#)).unwrap();
-    let before = (stage.view().settings.clone(), stage.scene().cameras.clone(), stage.changes.clone());
+    let (_folder, mut viewed) = viewed();
+    viewed.change(&changes(r#"{"look-from": "0,1,3"}"#)).unwrap();
+    let before = (viewed.view().settings.clone(), viewed.scene().cameras.clone(), viewed.changes.clone());
     for json in
         [r#"{"seed": "1", "gate": "x"}"#, r#"{"camera": "nobody"}"#, r#"{"look-at": "0,1,3"}"#, r#"{"sky": "a.exr"}"#]
     {
-        stage.change(&changes(json)).unwrap_err();
+        viewed.change(&changes(json)).unwrap_err();
         assert!(
-            before == (stage.view().settings.clone(), stage.scene().cameras.clone(), stage.changes.clone()),
+            before == (viewed.view().settings.clone(), viewed.scene().cameras.clone(), viewed.changes.clone()),
             "{json}"
         );
     }
@@ -158,12 +158,12 @@ fn mutated(random: &mut Pcg32) -> String {
 
 #[test]
 fn malformed_messages_are_survived() {
-    let (_folder, mut stage) = stage();
+    let (_folder, mut viewed) = viewed();
     let mut random = Pcg32::new(1, 1);
     let (mut accepted, mut refused, mut unread) = (0, 0, 0);
     for _ in 0..100_000 {
         match Request::parse(&mutated(&mut random)) {
-            Ok(Request::Set { changes, .. }) => match stage.change(&changes) {
+            Ok(Request::Set { changes, .. }) => match viewed.change(&changes) {
                 Ok(_) => accepted += 1,
                 Err(_) => refused += 1,
             },
@@ -175,8 +175,8 @@ fn malformed_messages_are_survived() {
         }
     }
     assert!(accepted > 1000 && refused > 1000 && unread > 1000, "{accepted} {refused} {unread}");
-    // The stage still works.
+    // The viewed scene still works.
     let changeable = table::all().filter(|setting| setting.is_for(Taker::Page));
-    stage.change(&changeable.map(|setting| (setting.name.to_string(), Change::AsAtStart)).collect()).unwrap();
-    assert_eq!(named::as_texts(&stage.view().experiment), named::as_texts(stage.start()));
+    viewed.change(&changeable.map(|setting| (setting.name.to_string(), Change::AsAtStart)).collect()).unwrap();
+    assert_eq!(named::as_texts(&viewed.view().experiment), named::as_texts(viewed.start()));
 }

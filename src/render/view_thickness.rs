@@ -11,7 +11,7 @@ use crate::settings::Settings;
 /// Optical thickness along camera rays, each up to its first surface, as a mean over the channels; infinite if a ray goes on forever in
 /// a medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Haze {
+pub struct ViewThickness {
     /// Along the ray in the centre of the view.
     pub centre: f64,
     pub least: f64,
@@ -21,7 +21,12 @@ pub struct Haze {
 }
 
 /// Traces one ray per pixel of a small image of the same crop as `settings`. Fails if the scene does not fit the device.
-pub fn haze(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Haze> {
+pub fn view_thickness(
+    device: &Device,
+    scene: &Scene,
+    settings: &Settings,
+    prepared: &PreparedScene,
+) -> Result<ViewThickness> {
     let settings = small(settings);
     let crop = settings.crop();
     let (width, height) = (crop.width() as usize, crop.height() as usize);
@@ -41,7 +46,7 @@ pub fn haze(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prep
     let centre = height / 2 * width + width / 2;
     let transmitted = mean(thickness((centre, &lengths[centre])).map(|depth| (-depth).exp()));
     let all: Vec<f64> = lengths.iter().enumerate().map(|ray| mean(thickness(ray))).collect();
-    Ok(Haze {
+    Ok(ViewThickness {
         transmitted,
         centre: all[centre],
         least: all.iter().copied().fold(f64::INFINITY, f64::min),

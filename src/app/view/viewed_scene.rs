@@ -92,7 +92,7 @@ impl Effect {
 }
 
 /// The loaded scene, with the present settings applied to it.
-pub struct Stage {
+pub struct ViewedScene {
     start: Experiment,
     /// The settings that a page changed: text as on the command line, or `None` for a flag that is not given.
     changes: BTreeMap<String, Option<String>>,
@@ -103,14 +103,14 @@ pub struct Stage {
     free: Option<u64>,
 }
 
-impl Stage {
+impl ViewedScene {
     /// Loads the scene of an experiment.
-    pub fn new(start: Experiment) -> anyhow::Result<Stage> {
+    pub fn new(start: Experiment) -> anyhow::Result<ViewedScene> {
         let mut scene = read::scene(&start)?;
         let original = Changeable::of(&scene);
         let free = memory::free();
         let view = apply(start.clone(), &mut scene, free)?;
-        Ok(Stage { start, changes: BTreeMap::new(), scene, original, view, free })
+        Ok(ViewedScene { start, changes: BTreeMap::new(), scene, original, view, free })
     }
 
     pub fn scene(&self) -> &Scene {

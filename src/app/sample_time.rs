@@ -7,7 +7,7 @@ use taugate::internals::settings::Budget;
 
 use super::progress::duration;
 
-/// For an estimator that searches all triangles, the pace is measured if the scene has at least this many.
+/// For an estimator that searches all triangles, seconds per sample are measured if the scene has at least this many.
 const MANY_TRIANGLES: usize = 10_000;
 
 /// Says how long one sample per pixel takes, and the whole image. `None` unless the estimator searches all triangles and the scene has many.
