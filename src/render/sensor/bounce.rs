@@ -97,7 +97,7 @@ impl SensorTracer {
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         let shade_points = Dispatch { counter: SHADE, ..*constants };
         let over = indirect_over(&b.arguments, SHADE);
-        r.dispatch_indirect("shell_query", &k.query, &bindings.query, &shade_points, over)?;
+        r.dispatch_indirect(k.query_name, &k.query, &bindings.query, &shade_points, over)?;
         match (&k.ellipsoids, &bindings.ellipsoids) {
             (Some(kernel), Some(bound)) => {
                 r.dispatch_indirect("ellipsoid_resample", kernel, bound, &shade_points, over)
@@ -114,7 +114,8 @@ impl SensorTracer {
             let batch = self.query_batch;
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
             let groups = self.kernels.query.groups(batch.min(all - done));
-            self.recorder.dispatch("shell_query", &self.kernels.query, &bindings.query, &constants, groups)?;
+            let (name, kernel) = (self.kernels.query_name, &self.kernels.query);
+            self.recorder.dispatch(name, kernel, &bindings.query, &constants, groups)?;
             if let (0, Some(kernel), Some(bound)) = (self.parts, &self.kernels.ellipsoids, &bindings.ellipsoids) {
                 self.recorder.dispatch("ellipsoid_resample", kernel, bound, &constants, groups)?;
             }

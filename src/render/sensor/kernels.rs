@@ -16,7 +16,9 @@ pub struct Kernels {
     pub start: Kernel,
     pub trace: Kernel,
     pub compaction: Arc<Compaction>,
+    /// The kernel of the estimator, and its name.
     pub query: Kernel,
+    pub query_name: &'static str,
     /// Only if the estimator forms ellipsoidal connections.
     pub ellipsoids: Option<Kernel>,
     pub connect: Kernel,
@@ -60,6 +62,7 @@ impl Kernels {
             trace: make("sensor_trace")?,
             compaction,
             query: make(plan.estimator.query_kernel)?,
+            query_name: plan.estimator.query_kernel,
             ellipsoids: ellipsoid_file(plan).map(make).transpose()?,
             connect: make("connect")?,
             merge: plan.merging.is_some().then(|| make("merge")).transpose()?,
