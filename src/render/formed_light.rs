@@ -1,19 +1,19 @@
 //! Which strategy forms which kind of light, for people who ask what a render will show.
 
+use super::emitters::EmitterKind;
 use super::photons;
 use super::prepared_scene::PreparedScene;
 use crate::scene::Scene;
 use crate::settings::{Settings, Strategies};
-use crate::wgsl::layout::constants::{EMITTER_SKY, EMITTER_TRIANGLE};
 
 /// One sentence per kind of light in the scene: the kind, and what forms it. `prepared` is the prepared `scene`.
 pub fn formed_light(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Vec<String> {
-    let has = |is: fn(u32) -> bool| prepared.emitters.table.iter().any(|entry| is(entry.kind));
+    let has = |kind: EmitterKind| prepared.emitters.table.iter().any(|entry| EmitterKind::of(entry) == kind);
     let mut lines = vec![];
-    if has(|kind| kind == EMITTER_TRIANGLE) {
+    if has(EmitterKind::Triangle) {
         lines.push("light of lamps with a surface: connections to points on them, and rays that hit them".into());
     }
-    if has(|kind| kind == EMITTER_SKY) {
+    if has(EmitterKind::Sky) {
         lines.push("light of the sky: rays towards it, and rays that leave the scene".into());
     }
     if photons::lamps(prepared).next().is_none() {

@@ -224,7 +224,7 @@ impl Plan {
             camera_kind: CameraKind::of(camera),
             distortion: camera.lens.distortion,
             has_own_lasers,
-            laser_radius: laser.map_or(0.0, |laser| photons::half_angle(laser).tan()),
+            laser_radius: laser.and_then(photons::half_angle).map_or(0.0, f64::tan),
             has_media: !prepared.media.list.is_empty(),
             beam_share: emitters.beam_share(),
             group_index: prepared.media.surrounding[1].into(),

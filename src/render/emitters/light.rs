@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 
-use super::luminance;
+use super::{EmitterKind, luminance};
 use crate::render::space::RenderSpace;
 use crate::scene::{Light, LightKind, SkyImage, cap_height, spot_solid_angle};
 use crate::wgsl::layout::constants::*;
@@ -69,7 +69,7 @@ impl LightRecord {
 }
 
 fn point(placed: Emitter, intensity: [f32; 3]) -> LightRecord {
-    let entry = Emitter { kind: EMITTER_POINT, strength: intensity, ..placed };
+    let entry = Emitter { kind: EmitterKind::Point as u32, strength: intensity, ..placed };
     punctual(entry, EMIT_POINT, 4.0 * PI * luminance(intensity))
 }
 
@@ -77,12 +77,12 @@ fn point(placed: Emitter, intensity: [f32; 3]) -> LightRecord {
 fn spot(placed: Emitter, intensity: [f32; 3], inner: f64, outer: f64) -> LightRecord {
     let flux = spot_solid_angle(inner, outer) * luminance(intensity);
     let [inner, outer] = [inner, outer].map(|height| height as f32);
-    punctual(Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..placed }, EMIT_SPOT, flux)
+    punctual(Emitter { kind: EmitterKind::Spot as u32, strength: intensity, inner, outer, ..placed }, EMIT_SPOT, flux)
 }
 
 fn beam(placed: Emitter, power: [f32; 3], radius: f32) -> LightRecord {
     LightRecord {
-        entry: Emitter { kind: EMITTER_BEAM, strength: power, outer: radius, ..placed },
+        entry: Emitter { kind: EmitterKind::Beam as u32, strength: power, outer: radius, ..placed },
         flux: luminance(power),
         position: placed.position.into(),
         radius,
@@ -98,7 +98,7 @@ fn sun(direction: DVec3, irradiance: [f32; 3], around: &Sphere) -> LightRecord {
     let from = |distance: f64| (around.centre.as_dvec3() - direction * distance).as_vec3().to_array();
     let times = |factor: f64| irradiance.map(|channel| (f64::from(channel) * factor) as f32);
     let entry = Emitter {
-        kind: EMITTER_SUN,
+        kind: EmitterKind::Sun as u32,
         position: from(radius),
         direction: direction.as_vec3().to_array(),
         strength: times(area),
@@ -119,7 +119,8 @@ fn sun(direction: DVec3, irradiance: [f32; 3], around: &Sphere) -> LightRecord {
 fn sky(image: &SkyImage, radiance: [f32; 3], around: &Sphere) -> LightRecord {
     let (radius, area) = disk(around);
     let position = around.centre.to_array();
-    let entry = Emitter { kind: EMITTER_SKY, position, outer: radius as f32, ..bytemuck::Zeroable::zeroed() };
+    let entry =
+        Emitter { kind: EmitterKind::Sky as u32, position, outer: radius as f32, ..bytemuck::Zeroable::zeroed() };
     let integral = image.integral();
     let flux = luminance([0, 1, 2].map(|k| (integral[k] * f64::from(radiance[k])) as f32)) * area;
     LightRecord { entry, flux, position: around.centre, radius: radius as f32, vertex: None, is_thin: false }

@@ -1,6 +1,7 @@
 //! All emitters of the scene, and the probability that a light subpath starts at each of them.
 
 mod alias;
+mod kind;
 mod light;
 mod power;
 mod sky;
@@ -19,6 +20,7 @@ use crate::scene::{Light, Medium, Scene, SkyImage, surrounding_indices};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, NONE, PathVertex, Triangle};
+pub use kind::EmitterKind;
 use light::{LightRecord, Sphere};
 use power::Powers;
 pub use sky::table as sky_table;
@@ -94,7 +96,7 @@ impl EmitterSet {
             vertex.select_pdf = entry.select_pdf;
         }
         let shines = |light: &&Light| selected.include(&light.node);
-        if let Some(entry) = set.table.iter().find(|entry| entry.kind == EMITTER_SKY)
+        if let Some(entry) = set.table.iter().find(|entry| EmitterKind::of(entry) == EmitterKind::Sky)
             && let Some(light) = scene.lights.iter().filter(shines).find(|light| light.kind.is_sky())
         {
             let disk_pdf = 1.0 / (PI * f64::from(entry.outer).powi(2));
@@ -116,12 +118,12 @@ impl EmitterSet {
 
     /// Whether at least one emitter can be connected to shade points. Points of beams cannot.
     pub fn has_connectable(&self) -> bool {
-        self.table.iter().any(|entry| entry.kind != EMITTER_BEAM)
+        self.table.iter().any(|entry| EmitterKind::of(entry).is_connectable())
     }
 
     /// Probability that a light subpath starts from a beam.
     pub fn beam_share(&self) -> f64 {
-        let beams = self.table.iter().filter(|entry| entry.kind == EMITTER_BEAM);
+        let beams = self.table.iter().filter(|entry| !EmitterKind::of(entry).is_connectable());
         beams.map(|entry| f64::from(entry.select_pdf)).sum()
     }
 
@@ -186,12 +188,12 @@ impl EmitterSet {
         }
         let mut by_instance = HashMap::new();
         for entry in &mut self.table {
-            entry.solid = match entry.kind {
-                EMITTER_TRIANGLE => {
+            entry.solid = match EmitterKind::of(entry) {
+                EmitterKind::Triangle => {
                     let t = &geometry.triangles[entry.triangle as usize];
                     *by_instance.entry(t.instance).or_insert_with(|| solids.material_within(in_front_of(t), &mut steps))
                 }
-                EMITTER_SUN | EMITTER_SKY => NONE,
+                kind if kind.is_distant() => NONE,
                 _ => solids.material_within(entry.position.into(), &mut steps),
             };
         }
@@ -227,7 +229,7 @@ const MIN_BEAM_SHARE: f64 = 1.0 / 16.0;
 
 /// Scales the weights of all beams so that beams have at least [`MIN_BEAM_SHARE`] of the sum of all weights.
 fn favour_beams(table: &[Emitter], weights: &mut [f64]) {
-    let is_beam = |entry: &Emitter| entry.kind == EMITTER_BEAM;
+    let is_beam = |entry: &Emitter| !EmitterKind::of(entry).is_connectable();
     let of_beams: f64 = table.iter().zip(&*weights).filter(|(entry, _)| is_beam(entry)).map(|(_, weight)| weight).sum();
     let of_others = weights.iter().sum::<f64>() - of_beams;
     let least = of_others * MIN_BEAM_SHARE / (1.0 - MIN_BEAM_SHARE);

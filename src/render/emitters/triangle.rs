@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::luminance;
+use super::{EmitterKind, luminance};
 use crate::render::geometry::Geometry;
 use crate::render::material::MATERIAL_DOUBLE_SIDED;
 use crate::scene::Scene;
@@ -47,7 +47,8 @@ pub fn emissive_triangles(geometry: &Geometry, exitances: &[f64]) -> Vec<Emissiv
             let corners = [t.v0, t.v1, t.v2].map(Vec3::from);
             let [a, b, c] = corners.map(|p| p.as_dvec3());
             let area = 0.5 * (b - a).cross(c - a).length();
-            let entry = Emitter { kind: EMITTER_TRIANGLE, triangle: i as u32, ..bytemuck::Zeroable::zeroed() };
+            let entry =
+                Emitter { kind: EmitterKind::Triangle as u32, triangle: i as u32, ..bytemuck::Zeroable::zeroed() };
             let flux = exitance_of(i) * area;
             (area > 0.0).then_some(EmissiveTriangle { entry, flux, area, corners, instance: t.instance })
         })

@@ -77,7 +77,10 @@ impl Lamp<'_> {
                 let cosine = direction.dot(self.light.direction);
                 self.strength * ((cosine - none) / (full - none)).clamp(0.0, 1.0).powi(2)
             }
-            _ => self.strength,
+            LightKind::Point { .. }
+            | LightKind::Beam { .. }
+            | LightKind::Directional { .. }
+            | LightKind::Sky { .. } => self.strength,
         }
     }
 
@@ -94,7 +97,7 @@ impl Lamp<'_> {
                 }
                 (-self.light.direction, along, self.strength / (PI * self.radius * self.radius))
             }
-            _ => {
+            LightKind::Point { .. } | LightKind::Spot { .. } | LightKind::Sky { .. } => {
                 let distance = offset.length();
                 let direction = offset / distance;
                 if !direction.is_finite() {
@@ -120,7 +123,7 @@ impl Lamp<'_> {
             LightKind::Directional { .. } => {
                 (place.position - far * self.light.direction, self.light.direction, self.strength)
             }
-            _ => {
+            LightKind::Point { .. } | LightKind::Spot { .. } | LightKind::Beam { .. } | LightKind::Sky { .. } => {
                 let direction = offset.try_normalize()?;
                 (self.position, direction, self.intensity(direction) / offset.length_squared())
             }

@@ -4,10 +4,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::source::PhotonSource;
+use crate::render::emitters::EmitterKind;
 use crate::render::geometry::Geometry;
 use crate::render::prepared_scene::PreparedScene;
 use crate::render::split_mix::{STEP, mix};
-use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, PathState, Triangle};
 
 /// Maximum number of pieces: see [`Aims`].
@@ -67,7 +67,7 @@ pub struct Aims {
 
 /// The lamps without a surface, which rays cannot hit.
 pub fn lamps(prepared: &PreparedScene) -> impl Iterator<Item = &Emitter> {
-    prepared.emitters.table.iter().filter(|entry| entry.kind != EMITTER_TRIANGLE && entry.kind != EMITTER_SKY)
+    prepared.emitters.table.iter().filter(|entry| !EmitterKind::of(entry).can_be_hit())
 }
 
 /// Whether there are lamps without a surface, and smooth objects that they may shine on.
@@ -111,12 +111,12 @@ impl Aims {
     /// The pieces of `targets` for each lamp. Stops above [`MAX_PIECES`], unless `coarseness` is infinite.
     fn of(targets: &[Target], source: &PhotonSource, with_beams: bool, coarseness: f64) -> Aims {
         let mut aims = Aims::default();
-        for (emitter, kind) in source.lamps().filter(|&(_, kind)| with_beams || kind != EMITTER_BEAM) {
-            if kind == EMITTER_BEAM {
-                let piece = Piece { emitter, target: Target::Beam };
-                aims.push(piece, source.weight(&piece));
-                continue;
-            }
+        for (emitter, kind) in source.lamps() {
+            let targets = match kind.is_connectable() {
+                true => targets,
+                false if with_beams => &[Target::Beam],
+                false => &[],
+            };
             for &target in targets {
                 aims.divide(Piece { emitter, target }, source, coarseness, MAX_HALVINGS);
                 if aims.pieces.len() > MAX_PIECES && coarseness.is_finite() {

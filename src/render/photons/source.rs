@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::aims::{Piece, Target, halves, longest_edge};
 use super::clusters::{Clusters, Part};
-use crate::render::emitters::luminance;
+use crate::render::emitters::{EmitterKind, luminance};
 use crate::render::missing_light::ON_SQUARE;
 use crate::render::missing_light::walk::Ray;
 use crate::render::prepared_scene::PreparedScene;
@@ -15,6 +15,9 @@ use crate::wgsl::layout::{Emitter, NONE, PathState, Triangle};
 const FLOOR: f64 = 0.05;
 /// Mean cosine between the light and the normals of a group of triangles that face all directions.
 const MEAN_COSINE: f64 = 0.5;
+
+/// Photons start at emitters that no ray can hit.
+const NOT_A_LAMP: &str = "pieces belong to lamps without a surface";
 
 /// What a photon needs of its lamp.
 pub struct PhotonSource {
@@ -35,9 +38,9 @@ impl PhotonSource {
     }
 
     /// The lamps without a surface: their indices and kinds.
-    pub fn lamps(&self) -> impl Iterator<Item = (u32, u32)> {
-        let all = (0..).zip(&self.table).map(|(number, emitter)| (number, emitter.kind));
-        all.filter(|&(_, kind)| kind != EMITTER_TRIANGLE && kind != EMITTER_SKY)
+    pub fn lamps(&self) -> impl Iterator<Item = (u32, EmitterKind)> {
+        let all = (0..).zip(&self.table).map(|(number, emitter)| (number, EmitterKind::of(emitter)));
+        all.filter(|&(_, kind)| !kind.can_be_hit())
     }
 
     /// Makes groups of these triangles.
@@ -53,23 +56,30 @@ impl PhotonSource {
         &self.table[piece.emitter as usize]
     }
 
+    fn kind(&self, piece: &Piece) -> EmitterKind {
+        EmitterKind::of(self.emitter(piece))
+    }
+
     /// Size of a piece as seen from its lamp: longest edge over distance. With parallel light, the longest edge; with a beam 0.
     pub fn size(&self, piece: &Piece) -> f64 {
         let (emitter, (centre, edge)) = (self.emitter(piece), self.bounds(piece));
-        match emitter.kind {
-            EMITTER_BEAM => 0.0,
-            EMITTER_SUN => edge,
-            _ => edge / f64::from(centre.distance(emitter.position.into())).max(1e-30),
+        match self.kind(piece) {
+            EmitterKind::Beam => 0.0,
+            EmitterKind::Sun => edge,
+            EmitterKind::Point | EmitterKind::Spot => {
+                edge / f64::from(centre.distance(emitter.position.into())).max(1e-30)
+            }
+            EmitterKind::Triangle | EmitterKind::Sky => unreachable!("{NOT_A_LAMP}"),
         }
     }
 
     /// The size above which a piece is divided where the search of places does not know better. `most`: of lamps that shine everywhere.
     pub fn wanted_size(&self, piece: &Piece, most: f64) -> f64 {
-        let emitter = self.emitter(piece);
-        match emitter.kind {
-            EMITTER_SUN => f64::INFINITY,
-            EMITTER_SPOT => most.min(0.5 * f64::from(emitter.outer).sqrt()),
-            _ => most,
+        match self.kind(piece) {
+            EmitterKind::Sun => f64::INFINITY,
+            EmitterKind::Spot => most.min(0.5 * f64::from(self.emitter(piece).outer).sqrt()),
+            EmitterKind::Point | EmitterKind::Beam => most,
+            EmitterKind::Triangle | EmitterKind::Sky => unreachable!("{NOT_A_LAMP}"),
         }
     }
 
@@ -84,7 +94,7 @@ impl PhotonSource {
 
     /// Whether the light of the lamp is parallel.
     pub fn is_parallel(&self, piece: &Piece) -> bool {
-        matches!(self.emitter(piece).kind, EMITTER_SUN | EMITTER_BEAM)
+        self.kind(piece).is_parallel()
     }
 
     /// The halves of a piece, or the triangles of a small group.
@@ -113,19 +123,18 @@ impl PhotonSource {
     /// Estimate of the flux that a piece receives; above 0 unless it receives none.
     pub fn weight(&self, piece: &Piece) -> f64 {
         let emitter = self.emitter(piece);
-        if emitter.kind == EMITTER_BEAM {
-            return luminance(emitter.strength);
-        }
         if self.is_dark(piece) {
             return 0.0;
         }
         let (centre, edge) = self.bounds(piece);
         let offset = (centre - Vec3::from(emitter.position)).as_dvec3();
-        let (direction, spread) = match emitter.kind {
-            EMITTER_SUN => {
+        let (direction, spread) = match self.kind(piece) {
+            EmitterKind::Beam => return luminance(emitter.strength),
+            EmitterKind::Sun => {
                 (Vec3::from(emitter.direction).as_dvec3(), std::f64::consts::PI * f64::from(emitter.outer).powi(2))
             }
-            _ => (offset.normalize_or_zero(), offset.length_squared().max(1e-300)),
+            EmitterKind::Triangle | EmitterKind::Sky => unreachable!("{NOT_A_LAMP}"),
+            EmitterKind::Point | EmitterKind::Spot => (offset.normalize_or_zero(), offset.length_squared().max(1e-300)),
         };
         let (area, cosine, spread) = match &piece.target {
             Target::Beam => return 0.0,
@@ -143,7 +152,7 @@ impl PhotonSource {
     pub fn is_dark(&self, piece: &Piece) -> bool {
         let emitter = self.emitter(piece);
         let offset = (self.bounds(piece).0 - Vec3::from(emitter.position)).as_dvec3();
-        emitter.kind == EMITTER_SPOT && is_outside(emitter, offset.normalize_or_zero(), self.size(piece))
+        is_outside(emitter, offset.normalize_or_zero(), self.size(piece))
     }
 
     /// Photon `number` of an evenly spread few from `piece`, as a ray on the host. `None` if the lamp does not shine there.
@@ -173,27 +182,27 @@ impl PhotonSource {
         let [a, b, c] = corners.map(Vec3::as_dvec3);
         let root = u[0].sqrt();
         let target = a + root * (1.0 - u[1]) * (b - a) + root * u[1] * (c - a);
-        let (origin, direction, share) = match emitter.kind {
-            EMITTER_BEAM => {
+        let (origin, direction, share, smooth) = match self.kind(piece) {
+            EmitterKind::Beam => {
                 let (x, angle) = (axis.any_orthonormal_vector(), std::f64::consts::TAU * u[1]);
                 let aside = angle.cos() * x + angle.sin() * axis.cross(x);
-                (place + f64::from(emitter.outer) * root * aside, axis, 1.0)
+                (place + f64::from(emitter.outer) * root * aside, axis, 1.0, PATH_SMOOTH)
             }
-            EMITTER_SUN => {
+            EmitterKind::Sun => {
                 let disk = std::f64::consts::PI * f64::from(emitter.outer).powi(2);
-                (target - self.far * axis, axis, area.dot(axis).abs() / disk)
+                (target - self.far * axis, axis, area.dot(axis).abs() / disk, 0)
             }
-            _ => {
+            EmitterKind::Triangle | EmitterKind::Sky => unreachable!("{NOT_A_LAMP}"),
+            EmitterKind::Point | EmitterKind::Spot => {
                 let offset = target - place;
                 let direction = offset.normalize_or_zero();
                 let solid_angle = area.dot(direction).abs() / offset.length_squared().max(1e-300);
-                (place, direction, solid_angle * profile(emitter, direction))
+                (place, direction, solid_angle * profile(emitter, direction), 0)
             }
         };
         let power = emitter.strength.map(|strength| (f64::from(strength) * share * factor) as f32);
         let (eta, solid) = self.around[piece.emitter as usize];
         let is_lit = power.iter().any(|&power| power > 0.0) && power.iter().all(|power| power.is_finite());
-        let smooth = if emitter.kind == EMITTER_BEAM { PATH_SMOOTH } else { 0 };
         PathState {
             position: origin.as_vec3().to_array(),
             direction: direction.as_vec3().to_array(),
@@ -215,21 +224,28 @@ fn double_area([a, b, c]: &[Vec3; 3]) -> DVec3 {
 
 /// Intensity along the unit vector `direction`, relative to the strength of the lamp.
 fn profile(emitter: &Emitter, direction: DVec3) -> f64 {
-    if emitter.kind != EMITTER_SPOT {
-        return 1.0;
+    match EmitterKind::of(emitter) {
+        EmitterKind::Spot => {
+            let off = 0.5 * (direction - Vec3::from(emitter.direction).as_dvec3()).length_squared();
+            let [outer, inner] = [emitter.outer, emitter.inner].map(f64::from);
+            ((outer - off) / (outer - inner).max(1e-20)).clamp(0.0, 1.0).powi(2)
+        }
+        EmitterKind::Point | EmitterKind::Beam | EmitterKind::Sun => 1.0,
+        EmitterKind::Triangle | EmitterKind::Sky => unreachable!("{NOT_A_LAMP}"),
     }
-    let off = 0.5 * (direction - Vec3::from(emitter.direction).as_dvec3()).length_squared();
-    let [outer, inner] = [emitter.outer, emitter.inner].map(f64::from);
-    ((outer - off) / (outer - inner).max(1e-20)).clamp(0.0, 1.0).powi(2)
 }
 
-/// Half of the angle of a spot's cone, in radians. The emitter holds one minus its cosine.
-pub fn half_angle(spot: &Emitter) -> f64 {
-    (1.0 - f64::from(spot.outer)).clamp(-1.0, 1.0).acos()
+/// Half of the angle of the cone that an emitter shines into, in radians; `None` for kinds without a cone.
+pub fn half_angle(emitter: &Emitter) -> Option<f64> {
+    match EmitterKind::of(emitter) {
+        // The entry holds one minus the cosine.
+        EmitterKind::Spot => Some((1.0 - f64::from(emitter.outer)).clamp(-1.0, 1.0).acos()),
+        EmitterKind::Triangle | EmitterKind::Point | EmitterKind::Beam | EmitterKind::Sun | EmitterKind::Sky => None,
+    }
 }
 
-/// Whether everything within the angle `size` around `direction` is outside of the cone of a spot.
+/// Whether everything within the angle `size` around `direction` is outside of the cone of an emitter.
 fn is_outside(emitter: &Emitter, direction: DVec3, size: f64) -> bool {
     let cosine = direction.dot(Vec3::from(emitter.direction).as_dvec3()).clamp(-1.0, 1.0);
-    size < 1.0 && cosine.acos() > half_angle(emitter) + 2.0 * size.asin() + 1e-6
+    half_angle(emitter).is_some_and(|half| size < 1.0 && cosine.acos() > half + 2.0 * size.asin() + 1e-6)
 }

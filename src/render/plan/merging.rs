@@ -7,7 +7,7 @@ use crate::render::photons;
 use crate::render::prepared_scene::PreparedScene;
 use crate::settings::Settings;
 use crate::wgsl::layout::Frame;
-use crate::wgsl::layout::constants::{EMITTER_SPOT, MEDIUM_FACTOR, TIME_SLOTS};
+use crate::wgsl::layout::constants::{MEDIUM_FACTOR, TIME_SLOTS};
 
 /// Largest width of pixels that look at points of their own, over the half angle of the narrowest spot, and largest width of all.
 const SPOT_SHARE: f64 = 0.1;
@@ -23,8 +23,8 @@ pub struct Merging {
 
 impl Merging {
     pub fn new(settings: &Settings, prepared: &PreparedScene) -> Merging {
-        let spots = prepared.emitters.table.iter().filter(|entry| entry.kind == EMITTER_SPOT);
-        let narrow = spots.map(photons::half_angle).fold(MAX_NARROW / SPOT_SHARE, f64::min) * SPOT_SHARE;
+        let cones = prepared.emitters.table.iter().filter_map(photons::half_angle);
+        let narrow = cones.fold(MAX_NARROW / SPOT_SHARE, f64::min) * SPOT_SHARE;
         Merging { pixels: settings.merge_radius().get(), narrow }
     }
 }
