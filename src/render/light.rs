@@ -37,17 +37,17 @@ impl Tally {
         Tally { observe: plan.observe, pixels: plan.crop_pixels as u32, inside_gate: 0, dropped: 0, misplaced: 0 }
     }
 
-    /// Counts the splat of a light vertex (t = 1) that the device wrote, and passes it to `visit`. `place` is the pixel, NONE if there
-    /// is no splat, or with [`Observe::Times`] the bits of the travel time. `detail` is the number that [`Observe`] adds.
-    fn report(&mut self, [r, g, b, place]: [u32; 4], detail: f32, s: u32, visit: &mut impl FnMut(Contribution)) {
-        if place == NONE {
+    /// Counts the splat of a light vertex (t = 1) that the device wrote, and passes it to `visit`. `pixel_or_tau` is the pixel, NONE
+    /// if there is no splat, or with [`Observe::Times`] the bits of the travel time. `detail` is the number that [`Observe`] adds.
+    fn report(&mut self, [r, g, b, pixel_or_tau]: [u32; 4], detail: f32, s: u32, visit: &mut impl FnMut(Contribution)) {
+        if pixel_or_tau == NONE {
             return;
         }
         let (pixel, tau, mis_weight) = match self.observe {
-            Observe::Nothing => (place, f32::NAN, 1.0),
-            Observe::Times => (NONE, f32::from_bits(place), 1.0),
-            Observe::Strategies => (place, f32::NAN, detail),
-            Observe::Responses => (place, detail, 1.0),
+            Observe::Nothing => (pixel_or_tau, f32::NAN, 1.0),
+            Observe::Times => (NONE, f32::from_bits(pixel_or_tau), 1.0),
+            Observe::Strategies => (pixel_or_tau, f32::NAN, detail),
+            Observe::Responses => (pixel_or_tau, detail, 1.0),
         };
         let rgb = [r, g, b].map(f32::from_bits);
         if pixel != NONE && pixel >= self.pixels {
