@@ -23,7 +23,8 @@ use crate::input::plain::from_toml;
 use crate::settings::Emitters;
 use crate::settings::keys::Dashed;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
-use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
+use crate::settings::setting::Setting;
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, find};
 use crate::settings::units::{Depth, Gate, GatePrecision};
 use crate::settings::values::{Resolution, Seconds};
 
@@ -253,11 +254,12 @@ fn parts(file: File, folder: &Path) -> Result<Parts, Mistake> {
 }
 
 fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<SceneEntry, Mistake> {
+    let clash = |first: &str, second: &str| find(second).expect("it is a setting").clash(first).to_string();
     if let (Some(_), Some(depth)) = (&table.gate, &table.depth) {
-        return Err((depth.span(), "gate and depth both set the gate: keep one".into()));
+        return Err((depth.span(), clash("gate", "depth")));
     }
     if let (Some(_), Some(ortho)) = (&table.fov, &table.ortho) {
-        return Err((ortho.span(), "fov and ortho both set the view of the camera: keep one".into()));
+        return Err((ortho.span(), clash("fov", "ortho")));
     }
     let gate_at = table.gate.as_ref().map(Spanned::span).or(table.depth.as_ref().map(Spanned::span));
     let gate = table.gate.map(Spanned::into_inner).or(table.depth.map(|depth| depth.into_inner().0));
@@ -326,17 +328,10 @@ fn make(table: GenerateTable) -> Result<(PathBuf, Kind), String> {
 /// Checks a table of settings. It may not contain settings that the bench chooses itself.
 fn render(table: Option<Spanned<RenderTable>>) -> Result<RenderTable, Mistake> {
     let Some(table) = table else { return Ok(RenderTable::default()) };
-    let RenderTable { spp, time, seed, device, strict, .. } = table.get_ref();
-    let taken = [
-        ("spp", spp.is_some()),
-        ("time", time.is_some()),
-        ("seed", seed.is_some()),
-        ("device", device.is_some()),
-        ("strict", strict.is_some()),
-    ];
-    match taken.iter().find(|(_, there)| *there) {
-        Some((key, _)) => {
-            Err((table.span(), format!("the bench chooses '{key}' itself; remove the key from this table")))
+    let taken = ["spp", "time", "seed", "device", "strict"];
+    match table.get_ref().given().into_iter().find(|setting| taken.contains(&setting.name)) {
+        Some(Setting { name, .. }) => {
+            Err((table.span(), format!("the bench chooses '{name}' itself; remove the key from this table")))
         }
         None => Ok(table.into_inner()),
     }
@@ -398,6 +393,12 @@ render = { queries = 2, light-paths = 200 }
     fn mistakes_are_reported_where_they_stand() {
         let table = [
             ("max-depth = 9", "max-dept = 9", "5:1: [render] has no key max-dept"),
+            ("gate = ", "depth = '4m..5m'\ngate = ", "9:9: gate and depth both set the gate: keep one"),
+            (
+                "gate = ",
+                "fov = 40\northo = 2\ngate = ",
+                "10:9: fov and ortho both set the view of the camera: keep one",
+            ),
             ("gate = ", "gat = ", "9:1: [[scene]] has no key gat"),
             ("8m..8.5m", "8.5m..8m", "9:8: the gate is reversed"),
             ("8m..8.5m", "8m+0.001um", "9:8: the gate"),

@@ -28,9 +28,6 @@ impl MediumTables {
             below.one.no_medium = None;
         }
         let has_droplets = |table: &MediumTable| table.droplet_diameter.is_some();
-        if has_droplets(&self.one) {
-            below.one.phase = None;
-        }
         if let Some(phase) = &self.one.phase {
             let used = phase.parameters(has_droplets(&self.one) || has_droplets(&below.one));
             let unused: Vec<&str> = PARAMETERS.into_iter().filter(|name| !used.contains(name)).collect();

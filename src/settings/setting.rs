@@ -180,6 +180,11 @@ impl Setting {
         (self.used_by)(estimator)
     }
 
+    /// The mistake of giving this setting and `other`, which it excludes.
+    pub fn clash(&self, other: &str) -> SettingsError {
+        SettingsError::advice(format!("{other} and {} both {}: ", self.name, self.both), "keep one").about(self.name)
+    }
+
     /// Fails if `count` is outside the limits; the message names the flag and the limits.
     pub fn check(&self, count: u32) -> Result<()> {
         let bounds = match self.limits {

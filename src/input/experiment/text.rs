@@ -24,9 +24,7 @@ impl Experiment {
                 // The error points to the later one.
                 let at = [first, second].iter().filter_map(|setting| key_offset(text, setting)).max();
                 let (line, column) = position(text, at.unwrap_or(0));
-                let problem = format!("{} and {} both {}: ", first.name, second.name, second.both);
-                let mistake = SettingsError::advice(problem, "keep one").about(second.name);
-                Err(ParseError { line, column, mistake })
+                Err(ParseError { line, column, mistake: second.clash(first.name) })
             }
         }
     }

@@ -48,7 +48,7 @@ table! {
         phase_alpha: Alpha, Setting::medium("phase-alpha", "ALPHA").old_key("alpha");
 
         /// Diameter of water droplets, from 5 to 50 micrometres; it sets all parameters of draine
-        droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes(&["phase-g", "phase-g2", "phase-weight", "phase-alpha"], "set the phase function");
+        droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes(&["phase-g", "phase-g2", "phase-weight", "phase-alpha"], "set the phase function").resets(&["phase"]);
 
         /// Index of refraction of a medium that fills all space, like 1.33 for water: solids refract relative to it [default: 1]
         medium_ior: RefractiveIndex, Setting::medium("medium-ior", "1..5").old_key("ior");

@@ -1,3 +1,5 @@
+mod help;
+
 use super::*;
 use crate::error::Error;
 use crate::input::experiment::Experiment;
