@@ -207,16 +207,16 @@ impl Vertex<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taugate::internals::generate::{shapes, stage};
+    use taugate::internals::generate::{parts, shapes};
 
     /// The default metalness of glTF is 1. It leaves no light for a transmission, so the back of such a material is black.
     #[test]
     fn a_metal_has_a_black_back_whatever_its_transmission() {
         for (metallic, black) in [(1.0, true), (0.5, false)] {
             let mut scene = Scene::default();
-            let kind = Material { transmission: 1.0, metallic, double_sided: false, ..stage::glass("sheet") };
-            let sheet = stage::material(&mut scene, kind);
-            stage::add(&mut scene, "sheet", sheet, shapes::quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2]));
+            let kind = Material { transmission: 1.0, metallic, double_sided: false, ..parts::glass("sheet") };
+            let sheet = parts::material(&mut scene, kind);
+            parts::add(&mut scene, "sheet", sheet, shapes::quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2]));
             let world = World::new(&scene, &Emitters::Scene);
             let ray = Ray::new(DVec3::new(0.3, 0.3, -1.0), DVec3::Z);
             let back = world.trace(ray, &mut Pcg::new(1)).unwrap();

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::numbers::Pcg;
+use super::parts::{about, add, camera, diffuse, emitter, glass, material, mesh, metal, place, plastic};
 use super::shapes::{append, ball, cuboid, cylinder, quad, torus};
-use super::stage::{about, add, camera, diffuse, emitter, glass, material, mesh, metal, place, plastic};
 use crate::scene::{Mesh, Scene};
 
 /// A horizontal rectangle on which objects stand, the number of these objects, and the range of their sizes in metres.

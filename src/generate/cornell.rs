@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
+use super::parts::{add, camera, diffuse, emitter, material, mesh, metal, place, turned};
 use super::shapes::{cuboid, divided, quad};
-use super::stage::{add, camera, diffuse, emitter, material, mesh, metal, place, turned};
 use crate::scene::Scene;
 
 /// Default roughness of the metal box.

@@ -6,8 +6,8 @@
 use glam::{DAffine3, DVec3};
 
 use super::paint;
+use super::parts::{about, add, camera, diffuse, light, material, mesh, metal, place, plastic, texture, turned};
 use super::shapes::{append, ball, cuboid, cylinder, lathe, quad, torus};
-use super::stage::{about, add, camera, diffuse, light, material, mesh, metal, place, plastic, texture, turned};
 use crate::scene::{LightKind, Material, Mesh, Scene};
 
 /// Opening angle of the door in radians.

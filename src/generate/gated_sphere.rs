@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 
+use super::parts::{add, camera, diffuse, light, material};
 use super::shapes::{icosphere, inside_out};
-use super::stage::{add, camera, diffuse, light, material};
 use crate::scene::{LightKind, Mesh, Scene};
 
 /// A sphere of flat facets seen from inside, with the camera and a point light of intensity pi R^2 in W / sr at its centre. Flat

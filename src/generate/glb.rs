@@ -281,7 +281,7 @@ impl File {
 
     /// The node of the light. A punctual light is also added to the list of KHR_lights_punctual.
     fn light(&mut self, light: &Light, punctual: &mut Vec<Value>) -> Value {
-        let transform = super::stage::look(light.position, light.direction);
+        let transform = super::parts::look(light.position, light.direction);
         let described = |kind: &str, rgb: [f32; 3]| {
             let peak = rgb.into_iter().fold(0.0, f32::max);
             let color = rgb.map(|c| if peak > 0.0 { c / peak } else { 1.0 });

@@ -3,8 +3,8 @@
 use glam::{DAffine3, DVec3};
 
 use super::numbers::Pcg;
+use super::parts::{add, camera, diffuse, light, material, mesh, place, plastic, turned};
 use super::shapes::{cuboid, quad};
-use super::stage::{add, camera, diffuse, light, material, mesh, place, plastic, turned};
 use crate::scene::{LightKind, Scene};
 
 /// Number of rows of lamps, and of lamps per row.

@@ -5,8 +5,8 @@
 
 use glam::DVec3;
 
+use super::parts::{add, camera, diffuse, light, material};
 use super::shapes::quad;
-use super::stage::{add, camera, diffuse, light, material};
 use crate::scene::{LightKind, Scene};
 
 const EQUIPMENT: DVec3 = DVec3::new(2.0, 0.0, 1.5);

@@ -2,8 +2,8 @@
 
 use glam::{DAffine3, DVec3};
 
+use super::parts::{add, camera, diffuse, glass, light, material};
 use super::shapes::{append, ball, cuboid, quad};
-use super::stage::{add, camera, diffuse, glass, light, material};
 use crate::scene::{LightKind, Material, Medium, Scene};
 
 /// Depth of the water in metres, and half of the width of the pool.

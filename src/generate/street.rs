@@ -4,8 +4,8 @@ use glam::{DAffine3, DVec3};
 
 use super::glb::Motion;
 use super::numbers::Pcg;
+use super::parts::{add, camera, diffuse, light, material, mesh, place, plastic, turned};
 use super::shapes::{append, cuboid, cylinder, quad};
-use super::stage::{add, camera, diffuse, light, material, mesh, place, plastic, turned};
 use crate::scene::{LightKind, Mesh, Scene};
 
 /// Length of the street in metres; it begins behind the camera.

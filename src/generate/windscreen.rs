@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::stage::{add, camera, glass, light, material};
+use super::parts::{add, camera, glass, light, material};
 use super::{numbers::sin_cos, street};
 use crate::scene::{LightKind, Mesh, Scene};
 

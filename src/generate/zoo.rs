@@ -3,8 +3,8 @@
 //! are a lamp with area, or a point and a spot, or a beam.
 
 use super::paint;
+use super::parts::{about, add, camera, diffuse, glass, light, look, material, mesh, metal, place, plastic, texture};
 use super::shapes::{cuboid, icosphere, quad, torus};
-use super::stage::{about, add, camera, diffuse, glass, light, look, material, mesh, metal, place, plastic, texture};
 use crate::scene::{AlphaMode, Image, LightKind, Material, Mesh, Scene};
 use glam::{DAffine3, DMat3, DVec3};
 

@@ -194,8 +194,8 @@ fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, limit: usize, mut vis
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::generate::parts::{about, add, camera, emitter, material};
     use crate::generate::shapes::{append, inside_out, quad};
-    use crate::generate::stage::{about, add, camera, emitter, material};
     use crate::generate::{Kind, build};
     use crate::render::albedo::AlbedoTable;
     use crate::scene::Mesh;

@@ -117,7 +117,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::generate::{shapes, stage};
+    use crate::generate::{parts, shapes};
     use crate::render::albedo::AlbedoTable;
     use crate::render::geometry::Geometry;
     use crate::render::space::RenderSpace;
@@ -135,11 +135,11 @@ mod tests {
         ];
         for (alpha_mode, alpha, emission, expected) in cases {
             let mut scene = Scene::default();
-            let film = Material { alpha_mode, emission: [emission; 3], ..stage::diffuse("film", [0.5; 3]) };
+            let film = Material { alpha_mode, emission: [emission; 3], ..parts::diffuse("film", [0.5; 3]) };
             let film = Material { base_color: [0.5, 0.5, 0.5, alpha], ..film };
-            let film = stage::material(&mut scene, film);
+            let film = parts::material(&mut scene, film);
             for name in ["front", "back"] {
-                stage::add(&mut scene, name, film, shapes::quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2]));
+                parts::add(&mut scene, name, film, shapes::quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2]));
             }
             let space = RenderSpace::metres(DVec3::ZERO);
             let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());

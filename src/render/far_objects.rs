@@ -47,8 +47,8 @@ pub fn warnings(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::generate::parts::{add, diffuse, material};
     use crate::generate::shapes::quad;
-    use crate::generate::stage::{add, diffuse, material};
     use crate::generate::{Kind, build};
     use crate::render::albedo::AlbedoTable;
     use crate::scene::Medium;

@@ -138,8 +138,8 @@ fn sharing(geometry: &Geometry, solids: &Solids) -> BTreeMap<(u32, u32), Sharing
 mod tests {
     use glam::{DAffine3, DVec3};
 
+    use crate::generate::parts::{add, camera, diffuse, glass, material};
     use crate::generate::shapes::{append, cuboid, icosphere, inside_out, quad};
-    use crate::generate::stage::{add, camera, diffuse, glass, material};
     use crate::render::PreparedScene;
     use crate::scene::{AlphaMode, Image, LightKind, Material, Mesh, Scene};
     use crate::settings::Settings;

@@ -99,8 +99,8 @@ fn offset_exceeds(max_coordinate: f32, [lo, hi]: [Vec3; 2]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::generate::parts::{add, diffuse, material};
     use crate::generate::shapes::{divided, quad};
-    use crate::generate::stage::{add, diffuse, material};
     use crate::generate::{Kind, build};
     use crate::render::albedo::AlbedoTable;
     use crate::scene::LightKind;

@@ -141,8 +141,8 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
+    use crate::generate::parts::{add, camera, emitter, glass, material, mesh, place};
     use crate::generate::shapes::{cuboid, icosphere, inside_out};
-    use crate::generate::stage::{add, camera, emitter, glass, material, mesh, place};
     use crate::render::prepared_scene::PreparedScene;
     use crate::scene::{Material, Scene};
     use crate::settings::Settings;

@@ -181,7 +181,7 @@ mod tests {
     use glam::{DAffine3, DVec3};
 
     use super::*;
-    use crate::generate::stage::diffuse;
+    use crate::generate::parts::diffuse;
     use crate::input::experiment::Experiment;
     use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Projection, Scene};
 

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use super::{Method, Verdict};
 use crate::error::Result;
-use crate::generate::stage;
+use crate::generate::parts;
 use crate::gpu::Device;
 use crate::render::Renderer;
 use crate::scene::{Mesh, Scene};
@@ -23,10 +23,10 @@ const MARGIN: f64 = 1e-4;
 
 fn scene() -> Scene {
     let mut scene = Scene::default();
-    let lamp = stage::material(&mut scene, stage::emitter("lamp", [1.0; 3]));
+    let lamp = parts::material(&mut scene, parts::emitter("lamp", [1.0; 3]));
     let positions = CORNERS.map(|c| [c.x as f32, c.y as f32, -1.0]).to_vec();
-    stage::add(&mut scene, "lamp", lamp, Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() });
-    stage::camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, YFOV, [SIDE, SIDE]);
+    parts::add(&mut scene, "lamp", lamp, Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() });
+    parts::camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, YFOV, [SIDE, SIDE]);
     scene
 }
 

@@ -10,7 +10,7 @@ use crate::compare::statistics::{normal_score, sidak_threshold};
 use crate::error::Result;
 use crate::estimators::Ellipsoids;
 use crate::generate::numbers::sin_cos;
-use crate::generate::{Kind, build, stage, zoo::Light};
+use crate::generate::{Kind, build, parts, zoo::Light};
 use crate::gpu::Device;
 use crate::render::Renderer;
 use crate::scene::{AlphaMode, LightKind, Material, Medium, PhaseFunction, Scene};
@@ -132,8 +132,8 @@ pub fn cases() -> Vec<Case> {
 fn in_fog() -> Scene {
     let mut scene = Scene::default();
     let lamp = LightKind::Point { intensity: [FOG_INTENSITY; 3] };
-    stage::light(&mut scene, "lamp", FOG_LAMP, DVec3::NEG_Z, lamp);
-    stage::camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.02f64.to_radians(), [SPHERE_SIDE; 2]);
+    parts::light(&mut scene, "lamp", FOG_LAMP, DVec3::NEG_Z, lamp);
+    parts::camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.02f64.to_radians(), [SPHERE_SIDE; 2]);
     scene.media = vec![Medium {
         sigma_s: [FOG.sigma_s; 3],
         sigma_a: [FOG.sigma_t - FOG.sigma_s; 3],
@@ -151,12 +151,12 @@ fn scattered_once(lo: f64, hi: f64) -> f64 {
 
 /// The sphere with a black, partly transparent surface just in front of its wall.
 fn behind_a_veil(mut scene: Scene) -> Scene {
-    let black = stage::diffuse("veil", [0.0; 3]);
+    let black = parts::diffuse("veil", [0.0; 3]);
     let base_color = [0.0, 0.0, 0.0, (1.0 - PASSES) as f32];
-    let black = stage::material(&mut scene, Material { alpha_mode: AlphaMode::Blend, base_color, ..black });
+    let black = parts::material(&mut scene, Material { alpha_mode: AlphaMode::Blend, base_color, ..black });
     let wall = scene.meshes[0].clone();
-    let mesh = stage::mesh(&mut scene, "veil", black, wall);
-    stage::place(&mut scene, "veil", mesh, DAffine3::from_scale(DVec3::splat(1.0 - VEIL)));
+    let mesh = parts::mesh(&mut scene, "veil", black, wall);
+    parts::place(&mut scene, "veil", mesh, DAffine3::from_scale(DVec3::splat(1.0 - VEIL)));
     scene
 }
 
@@ -172,8 +172,8 @@ fn by_many_lamps(mut scene: Scene) -> Scene {
         let across = (1.0 - height * height).sqrt();
         let away = ASIDE * DVec3::new(across * cos, height, across * sin);
         let part = LightKind::Point { intensity: intensity.map(|i| i * share as f32 / all as f32) };
-        stage::light(&mut scene, "one", away, DVec3::NEG_Z, part);
-        stage::light(&mut scene, "its opposite", -away, DVec3::NEG_Z, part);
+        parts::light(&mut scene, "one", away, DVec3::NEG_Z, part);
+        parts::light(&mut scene, "its opposite", -away, DVec3::NEG_Z, part);
     }
     scene
 }

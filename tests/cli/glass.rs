@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::DVec3;
 use serde_json::Value;
 use taugate::internals::generate::glb;
+use taugate::internals::generate::parts::{add, camera, diffuse, glass, material};
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, glass, material};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::scene::{LightKind, Mesh, Scene};
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::DVec3;
 use serde_json::Value;
 use taugate::internals::generate::glb;
+use taugate::internals::generate::parts::{add, camera, diffuse, glass, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, glass, material};
 use taugate::internals::scene::{LightKind, Material, Scene};
 
 use crate::{folder, taugate};

@@ -2,8 +2,8 @@
 //! closed forms.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, diffuse, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, diffuse, light, material};
 use taugate::internals::scene::{Camera, LightKind, Projection, Scene};
 
 const ALBEDO: f32 = 0.6;

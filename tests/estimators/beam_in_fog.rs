@@ -1,7 +1,7 @@
 //! A beam in fog, seen from the side: light that scatters once on the line of the beam.
 
 use glam::{DAffine3, DVec3};
-use taugate::internals::generate::stage::light;
+use taugate::internals::generate::parts::light;
 use taugate::internals::scene::{Camera, DensityGrid, GridFilter, LightKind, Medium, PhaseFunction, Projection, Scene};
 use taugate::internals::self_check::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::settings::Estimator;

@@ -1,8 +1,8 @@
 //! Moving the camera of a renderer that was prepared for another position.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, glass, light, material};
 use taugate::internals::generate::shapes::cuboid;
-use taugate::internals::generate::stage::{add, glass, light, material};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::{PreparedScene, Renderer};
 use taugate::internals::scene::{Camera, LightKind, Scene};

@@ -4,8 +4,8 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
 use taugate::internals::image::depth;
 use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::frequencies::Frequencies;

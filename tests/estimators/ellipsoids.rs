@@ -4,7 +4,7 @@
 use super::agreement::{against, assert_none, bin, oracle, oracle_samples, settings_against};
 use super::cells::{Cells, disagreements, is_long, renderer, settings, threshold};
 use glam::DVec3;
-use taugate::internals::generate::stage::light;
+use taugate::internals::generate::parts::light;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::Renderer;

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
-use taugate::internals::generate::stage::light;
+use taugate::internals::generate::parts::light;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene};

@@ -1,8 +1,8 @@
 //! Fog beside clear glass, empty space and many lamps: cases in which a segment of a subpath holds no fog, or more than one solid.
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::render::Renderer;
 use taugate::internals::scene::{LightKind, Material, Medium, PhaseFunction, Scene};
 use taugate::internals::settings::Estimator;
@@ -20,7 +20,7 @@ fn fog(sigma_s: f64) -> Medium {
 }
 
 /// A floor and a wall in fog, seen from the front.
-fn stage(media: Vec<Medium>) -> Scene {
+fn scene_with(media: Vec<Medium>) -> Scene {
     let mut scene = Scene { media, ..Scene::default() };
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     let grey = material(&mut scene, diffuse("grey", [0.6, 0.5, 0.4]));
@@ -68,7 +68,7 @@ fn fog_does_not_enter_clear_glass() {
         let at = DVec3::new(0.0, 0.9, 1.2);
         // The fog would fill half of the ball.
         let bounds = Some([-0.4, 0.4].map(|x| at + DVec3::splat(x)));
-        let mut scene = stage(vec![Medium { bounds, ..fog(10.0) }]);
+        let mut scene = scene_with(vec![Medium { bounds, ..fog(10.0) }]);
         add_lamp(&mut scene);
         ball(&mut scene, glass("smooth"), 0.7, at);
         let white = material(&mut scene, diffuse("white", [wall as f32; 3]));
@@ -88,7 +88,7 @@ fn fog_does_not_enter_clear_glass() {
 #[ignore = "takes ten seconds; clear glass in fog is tested always"]
 fn events_before_rough_glass_are_drawn_once() {
     let scene = |power: f64| {
-        let mut scene = stage(vec![fog(0.6)]);
+        let mut scene = scene_with(vec![fog(0.6)]);
         add_bulb(&mut scene, DVec3::new(-0.6, 1.8, 0.6), power);
         ball(&mut scene, Material { roughness: 0.6, ..glass("rough") }, 0.6, DVec3::new(0.0, 0.65, 0.6));
         scene
@@ -130,7 +130,7 @@ fn light_through_air_in_water_arrives_in_time() {
 #[ignore = "takes ten seconds; histograms, fog and many lamps are tested always, one by one"]
 fn histograms_in_fog_under_many_lamps_agree() {
     let scene = |power: f32| {
-        let mut scene = stage(vec![fog(0.3)]);
+        let mut scene = scene_with(vec![fog(0.3)]);
         for k in 0..20 {
             let at = DVec3::new(-1.5 + 0.15 * f64::from(k), 1.2 + 0.03 * f64::from(k), 0.4);
             light(&mut scene, &format!("lamp {k}"), at, DVec3::NEG_Y, LightKind::Point { intensity: [power; 3] });

@@ -4,8 +4,8 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
+use taugate::internals::generate::parts::{add, camera, diffuse, material, metal};
 use taugate::internals::generate::shapes::{cuboid, inside_out};
-use taugate::internals::generate::stage::{add, camera, diffuse, material, metal};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{Material, Mesh, Scene};
 use taugate::internals::self_check::sphere::gated_radiance;

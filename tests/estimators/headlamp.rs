@@ -1,8 +1,8 @@
 //! A point light exactly at the pinhole, and a camera whose axis is not at the centre of the image.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::image::depth;
 use taugate::internals::input::experiment::Experiment;

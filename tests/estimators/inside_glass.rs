@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::scene::{LightKind, Material, Medium, PhaseFunction, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
@@ -13,7 +13,7 @@ use super::agreement::{against, assert_none, bin, oracle, oracle_samples, unlike
 use super::cells::{Cells, renderer, settings, threshold};
 
 const SIZE: [u32; 2] = [16, 8];
-/// Index of refraction of `stage::glass`.
+/// Index of refraction of `parts::glass`.
 const INDEX: f64 = 1.5;
 
 /// A grey plate inside of a block of glass, lit by a bulb. Camera and bulb are in the glass too, one metre above the plate.

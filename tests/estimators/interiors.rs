@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::scene::{LightKind, Material, Medium, PhaseFunction, Scene};
 use taugate::internals::self_check::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::settings::Estimator;

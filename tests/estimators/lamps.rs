@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::parts::{add, camera, diffuse, light, material, metal, plastic};
 use taugate::internals::generate::shapes::{cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material, metal, plastic};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::self_check::sphere::gated_radiance;

@@ -2,8 +2,8 @@
 //! models are written down here once more, as OpenCV documents them.
 
 use glam::{DVec2, DVec3, dvec2};
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, light, material};
 use taugate::internals::scene::{Distortion, Lens, LightKind, Projection, Scene};
 use taugate::internals::settings::{Emitters, Estimator, Sampling};
 

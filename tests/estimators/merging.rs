@@ -8,8 +8,8 @@ mod orders;
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
+use taugate::internals::generate::parts::{add, camera, diffuse, glass, light, material};
 use taugate::internals::generate::shapes::{cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material};
 use taugate::internals::render::Tuning;
 use taugate::internals::scene::{Aim, LightKind, Material, Projection, Scene};
 use taugate::internals::settings::frequencies::Frequencies;

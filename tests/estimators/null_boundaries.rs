@@ -1,8 +1,8 @@
 //! Null boundaries: fog in meshes that do not refract gives the same image as fog in boxes.
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{add, camera, glass, material};
 use taugate::internals::generate::shapes::{cuboid, inside_out};
-use taugate::internals::generate::stage::{add, camera, glass, material};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::scene::{Material, Medium, PhaseFunction, Scene};
 use taugate::internals::settings::Estimator;

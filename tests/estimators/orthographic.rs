@@ -2,8 +2,8 @@
 //! the sensor plane (t = 1).
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{add, light, material, metal};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, light, material, metal};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::Renderer;

@@ -1,8 +1,8 @@
 //! One test per bug, named after the bug.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, light, material};
 use taugate::internals::generate::shapes::{append, cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, light, material};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{AlphaMode, LightKind, Material, Mesh, Scene};
 use taugate::internals::settings::{Emitters, Estimator, Sampling};

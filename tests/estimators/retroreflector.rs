@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::render::Renderer;
 use taugate::internals::scene::{LightKind, Material, Retroreflector, Scene};

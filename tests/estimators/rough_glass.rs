@@ -5,8 +5,8 @@ use super::agreement::{against, assert_none, bin, feature_estimators, oracle, or
 use super::cells::{Cells, disagreements, renderer, settings};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, material, mesh, place};
 use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, place};
 use taugate::internals::scene::{Image, Material, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;

@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, diffuse, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, diffuse, light, material};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::scan_table::Scan;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer};

@@ -1,8 +1,8 @@
 //! The sky: light from infinitely far away, from all directions, in renders without a gate.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, glass, light, material, metal, plastic};
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material, metal, plastic};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{LightKind, Material, Mesh, Scene, SkyImage};
 use taugate::internals::settings::units::Gate;

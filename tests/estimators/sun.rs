@@ -1,8 +1,8 @@
 //! Suns: directional lights, infinitely far away, in renders without a gate.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, light, material, plastic};
 use taugate::internals::generate::shapes::{cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material, plastic};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::Estimator;

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, metal, plastic};
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, metal, plastic};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::scene::{Image, Material, Scene};
 use taugate::internals::settings::Estimator;

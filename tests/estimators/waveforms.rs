@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, glass, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer};
 use taugate::internals::scene::{Aim, LightKind, Medium, Projection, Scene};
 use taugate::internals::settings::gates::Gates;

@@ -4,8 +4,8 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, light, material};
 use taugate::internals::generate::shapes::{cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material};
 use taugate::internals::scene::{DensityGrid, GridFilter, LightKind, Material, Medium, PhaseFunction, Scene};
 use taugate::internals::self_check::fog::{Coefficients, gated_single_scattering, integrate};
 use taugate::internals::settings::Emitters;

@@ -5,8 +5,8 @@ mod fog;
 mod orthographic;
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, light, material, metal, plastic};
 use taugate::internals::generate::shapes::{cuboid, icosphere, inside_out, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, metal, plastic};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{LightKind, Material, Scene};
 use taugate::internals::self_check::sphere::gated_radiance;

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use taugate::internals::generate::stage;
+use taugate::internals::generate::parts;
 use taugate::internals::scene::{Material, Retroreflector};
 
 use crate::bsdf_sample::{Input, even, random};
@@ -28,22 +28,22 @@ pub fn edges() -> &'static Set {
         let white = [1.0; 3];
         let rough = |m: Material| ALPHAS.map(|alpha| Material { roughness: alpha.sqrt() as f32, ..m.clone() });
         let mut kinds = vec![];
-        kinds.extend(rough(stage::metal("conductor", white, 1.0)));
-        kinds.extend(rough(stage::plastic("plastic", white, 1.0)));
-        kinds.extend(rough(stage::glass("rough glass")));
-        kinds.extend(rough(Material { ior: 3.0, ..stage::glass("dense glass") }));
-        kinds.push(stage::diffuse("lambert", white));
-        kinds.push(stage::metal("mirror", white, 0.0));
-        kinds.push(stage::plastic("smooth plastic", white, 0.0));
-        kinds.push(stage::glass("smooth glass"));
+        kinds.extend(rough(parts::metal("conductor", white, 1.0)));
+        kinds.extend(rough(parts::plastic("plastic", white, 1.0)));
+        kinds.extend(rough(parts::glass("rough glass")));
+        kinds.extend(rough(Material { ior: 3.0, ..parts::glass("dense glass") }));
+        kinds.push(parts::diffuse("lambert", white));
+        kinds.push(parts::metal("mirror", white, 0.0));
+        kinds.push(parts::plastic("smooth plastic", white, 0.0));
+        kinds.push(parts::glass("smooth glass"));
         let coat = |m: Material| Material { clearcoat: 1.0, ..m };
-        kinds.extend(rough(coat(stage::metal("coated metal", white, 1.0))));
+        kinds.extend(rough(coat(parts::metal("coated metal", white, 1.0))));
         let rough_coat =
-            |roughness| Material { clearcoat_roughness: roughness, ..coat(stage::diffuse("coated", white)) };
+            |roughness| Material { clearcoat_roughness: roughness, ..coat(parts::diffuse("coated", white)) };
         kinds.extend([0.1, 0.5, 1.0].map(rough_coat));
         let retroreflecting = |angle| Material {
             retroreflector: Some(Retroreflector { share: 1.0, angle }),
-            ..stage::diffuse("retroreflector", white)
+            ..parts::diffuse("retroreflector", white)
         };
         let [min, max] = [Retroreflector::MIN_ANGLE, Retroreflector::MAX_ANGLE];
         kinds.extend([min, 1.0, 10.0, max].map(retroreflecting));

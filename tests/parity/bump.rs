@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::generate::{shapes, stage};
+use taugate::internals::generate::{parts, shapes};
 use taugate::internals::scene::{Image, Material, Mesh, Scene};
 use taugate_oracle::geometry::{Geometry as Exact, Ray};
 
@@ -42,9 +42,9 @@ fn scene(texel: impl Fn(&mut Pcg) -> [u8; 4], scale: f32, side: f32) -> Scene {
     let mut pcg = Pcg::new(301);
     let mut scene = Scene::default();
     let image = Image { width: 4, height: 4, rgba: (0..16).map(|_| texel(&mut pcg)).collect() };
-    let texture = stage::texture(&mut scene, image);
-    let rock = Material { normal_texture: Some(texture), normal_scale: scale, ..stage::diffuse("rock", [0.9; 3]) };
-    let rock = stage::material(&mut scene, rock);
+    let texture = parts::texture(&mut scene, image);
+    let rock = Material { normal_texture: Some(texture), normal_scale: scale, ..parts::diffuse("rock", [0.9; 3]) };
+    let rock = parts::material(&mut scene, rock);
     let quad = shapes::quad(DVec3::new(-0.5, -0.5, 0.0), DVec3::X, DVec3::Y * 1.2, [2.0, -3.0]);
     for shape in [shapes::torus(0.5, 0.2, 12, 8), Mesh { normals: vec![], ..quad }] {
         let mut mesh = Mesh { name: "rock".into(), material: rock, ..shape };

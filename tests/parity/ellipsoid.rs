@@ -3,8 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::parts::{add, diffuse, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, diffuse, material};
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::space::RenderSpace;

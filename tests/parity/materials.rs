@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
-use taugate::internals::generate::stage;
+use taugate::internals::generate::parts;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::material::Material as DeviceMaterial;
@@ -26,28 +26,28 @@ fn retroreflecting(share: f32, angle: f32, m: Material) -> Material {
 pub fn kinds() -> Vec<Material> {
     let rough = |alpha: f64| alpha.sqrt() as f32;
     let white = [1.0; 3];
-    let mut all = vec![stage::diffuse("lambert", white)];
-    all.extend(ALPHAS.map(|a| stage::metal("conductor", white, rough(a))));
-    all.extend(ALPHAS.map(|a| stage::plastic("plastic", white, rough(a))));
-    all.extend(ALPHAS.map(|a| Material { roughness: rough(a), ..stage::glass("rough glass") }));
-    all.push(stage::metal("mirror", white, 0.0));
-    all.push(stage::plastic("smooth plastic", white, 0.0));
-    all.push(stage::glass("smooth glass"));
-    all.push(Material { metallic: 0.4, ..stage::plastic("half metal", white, 0.5) });
-    all.push(Material { specular: 0.5, ..stage::plastic("half specular", white, 0.5) });
-    all.push(Material { transmission: 0.5, ior: 1.33, ..stage::plastic("half glass", white, 0.6) });
-    all.push(Material { specular: 0.8, specular_color: [0.2, 2.0, 30.0], ..stage::plastic("coloured", white, 0.5) });
+    let mut all = vec![parts::diffuse("lambert", white)];
+    all.extend(ALPHAS.map(|a| parts::metal("conductor", white, rough(a))));
+    all.extend(ALPHAS.map(|a| parts::plastic("plastic", white, rough(a))));
+    all.extend(ALPHAS.map(|a| Material { roughness: rough(a), ..parts::glass("rough glass") }));
+    all.push(parts::metal("mirror", white, 0.0));
+    all.push(parts::plastic("smooth plastic", white, 0.0));
+    all.push(parts::glass("smooth glass"));
+    all.push(Material { metallic: 0.4, ..parts::plastic("half metal", white, 0.5) });
+    all.push(Material { specular: 0.5, ..parts::plastic("half specular", white, 0.5) });
+    all.push(Material { transmission: 0.5, ior: 1.33, ..parts::plastic("half glass", white, 0.6) });
+    all.push(Material { specular: 0.8, specular_color: [0.2, 2.0, 30.0], ..parts::plastic("coloured", white, 0.5) });
     let coated = |m: Material, alpha| Material { clearcoat: 0.8, clearcoat_roughness: rough(alpha), ..m };
-    all.push(coated(stage::plastic("coated plastic", white, 0.5), 0.05));
-    all.push(coated(stage::metal("smoothly coated metal", white, 0.5), 0.0));
-    all.push(coated(stage::metal("coated mirror", white, 0.0), 0.3));
-    all.push(coated(stage::metal("twice a mirror", white, 0.0), 0.0));
-    all.push(coated(Material { roughness: 0.6, ..stage::glass("coated rough glass") }, 0.3));
-    all.push(retroreflecting(0.5, 20.0, stage::plastic("retroreflector", white, 0.5)));
-    all.push(retroreflecting(1.0, 0.2, stage::diffuse("narrow retroreflector", white)));
-    all.push(retroreflecting(0.3, 8.0, stage::metal("retroreflecting mirror", white, 0.0)));
-    all.push(retroreflecting(0.4, 10.0, coated(stage::plastic("coated retroreflector", white, 0.5), 0.3)));
-    all.push(Material { metallic: 0.3, transmission: 0.6, ior: 1.7, ..stage::plastic("all at once", white, 0.5) });
+    all.push(coated(parts::plastic("coated plastic", white, 0.5), 0.05));
+    all.push(coated(parts::metal("smoothly coated metal", white, 0.5), 0.0));
+    all.push(coated(parts::metal("coated mirror", white, 0.0), 0.3));
+    all.push(coated(parts::metal("twice a mirror", white, 0.0), 0.0));
+    all.push(coated(Material { roughness: 0.6, ..parts::glass("coated rough glass") }, 0.3));
+    all.push(retroreflecting(0.5, 20.0, parts::plastic("retroreflector", white, 0.5)));
+    all.push(retroreflecting(1.0, 0.2, parts::diffuse("narrow retroreflector", white)));
+    all.push(retroreflecting(0.3, 8.0, parts::metal("retroreflecting mirror", white, 0.0)));
+    all.push(retroreflecting(0.4, 10.0, coated(parts::plastic("coated retroreflector", white, 0.5), 0.3)));
+    all.push(Material { metallic: 0.3, transmission: 0.6, ior: 1.7, ..parts::plastic("all at once", white, 0.5) });
     all
 }
 
@@ -74,8 +74,8 @@ impl Set {
                 triangles: vec![[0, 1, 2]],
                 ..Mesh::default()
             };
-            let mesh = stage::mesh(&mut scene, "triangle", i, triangle);
-            stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
+            let mesh = parts::mesh(&mut scene, "triangle", i, triangle);
+            parts::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
         }
         let device = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &albedo).materials;
         let prepared = kinds.iter().map(PreparedMaterial::new).collect();
@@ -293,7 +293,7 @@ struct Refraction {
 /// A metal lets no light through, whatever its transmission, and keeps its roughness. A texture may lower its metalness.
 #[test]
 fn a_metal_has_no_transmission() {
-    let metal = Material { transmission: 1.0, ior: 1.0, ..stage::metal("metal", [1.0; 3], 0.5) };
+    let metal = Material { transmission: 1.0, ior: 1.0, ..parts::metal("metal", [1.0; 3], 0.5) };
     let half = Material { metallic: 0.5, ..metal.clone() };
     let device = Set::new(vec![metal, half]).device;
     assert_eq!((device[0].transmission, device[0].alpha), (0.0, 0.25));

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use bytemuck::Zeroable;
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::generate::{shapes, stage};
+use taugate::internals::generate::{parts, shapes};
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::internals::render::albedo::AlbedoTable;
@@ -120,9 +120,9 @@ impl Bench {
     /// A scene with one far surface, so that nothing occludes any pair. All vertices have `material`.
     fn new(material: Material, glossy: bool) -> Bench {
         let mut scene = Scene::default();
-        let number = stage::material(&mut scene, material);
+        let number = parts::material(&mut scene, material);
         let far = shapes::quad(DVec3::splat(50.0), DVec3::X, DVec3::Y, [1.0; 2]);
-        stage::add(&mut scene, "far", number, far);
+        parts::add(&mut scene, "far", number, far);
         let glossy = f64::from(u8::from(glossy));
         let mut scene = buffers(&scene, DVec3::ZERO);
         scene.extend([contents("albedo_table", &AlbedoTable::new().texels), contents("sky", &[0u32; 4])]);
@@ -305,7 +305,7 @@ fn near_pairs_connect_as_in_f64() {
         let (points, lights) = pairs();
         points.into_iter().zip(lights).filter(|(q, v)| apart(q, v)).unzip()
     };
-    let bench = Bench::new(stage::diffuse("grey", [BASE; 3]), false);
+    let bench = Bench::new(parts::diffuse("grey", [BASE; 3]), false);
     let chosen: Vec<Candidate> = (0..points.len() as u32).map(|i| Candidate { vertex: i, weight: 2.5 }).collect();
     let got = bench.connect(frame(), &points, &lights, &chosen);
     let mut compared = 0;
@@ -319,7 +319,7 @@ fn near_pairs_connect_as_in_f64() {
 #[test]
 fn near_pairs_pass_the_query_kernels() {
     let (points, lights) = pairs();
-    let bench = Bench::new(stage::diffuse("grey", [BASE; 3]), false);
+    let bench = Bench::new(parts::diffuse("grey", [BASE; 3]), false);
     for kernel in ["shell_query", "shell_resample"] {
         let (mut frame, mut lights) = (frame(), lights.clone());
         let chosen = bench.query(kernel, &mut frame, &points, &mut lights);
@@ -343,9 +343,9 @@ fn near_pairs_pass_the_query_kernels() {
 fn near_pairs_of_any_material_stay_finite() {
     let (points, lights) = pairs();
     for material in [
-        stage::metal("metal", [0.9; 3], 0.1),
-        stage::plastic("plastic", [0.5; 3], 0.03),
-        Material { roughness: 0.1, ..stage::glass("rough glass") },
+        parts::metal("metal", [0.9; 3], 0.1),
+        parts::plastic("plastic", [0.5; 3], 0.03),
+        Material { roughness: 0.1, ..parts::glass("rough glass") },
     ] {
         let name = material.name.clone();
         let transmits = material.transmission > 0.0;
@@ -381,7 +381,7 @@ fn near_pairs_of_any_material_stay_finite() {
 fn a_wrong_contribution_is_noticed() {
     let (points, lights) = pairs();
     assert!(points.iter().zip(&lights).any(|(q, v)| !apart(q, v)));
-    let bench = Bench::new(stage::diffuse("grey", [BASE; 3]), false);
+    let bench = Bench::new(parts::diffuse("grey", [BASE; 3]), false);
     let chosen: Vec<Candidate> = (0..points.len() as u32).map(|i| Candidate { vertex: i, weight: 1.01 }).collect();
     let got = bench.connect(frame(), &points, &lights, &chosen);
     let mut compared = 0;
@@ -400,7 +400,7 @@ fn densities_stay_finite_in_a_tiny_corner_near_the_pinhole() {
     let q = vertex(corner, DVec3::Z, [0.0, 0.0], &mut pcg);
     let v = vertex(corner + 1e-11 * DVec3::Z, DVec3::NEG_Z, [0.0, 0.0], &mut pcg);
     assert!(apart(&q, &v));
-    let bench = Bench::new(stage::diffuse("grey", [BASE; 3]), false);
+    let bench = Bench::new(parts::diffuse("grey", [BASE; 3]), false);
     let got = bench.connect(frame(), &[q], &[v], &[Candidate { vertex: 0, weight: 1.0 }]);
     assert!(got[0].iter().all(|x| x.is_finite()), "not finite: {:?} for {}", got[0], exact(&q, &v).0);
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec2, DVec3};
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::generate::stage;
+use taugate::internals::generate::parts;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::space::RenderSpace;
@@ -134,9 +134,9 @@ fn a_varying_bsdf_is_the_constant_bsdf_of_the_point() {
         metallic,
         transmission: 0.5,
         ior: 1.4,
-        ..stage::plastic("half glass", [1.0; 3], roughness)
+        ..parts::plastic("half glass", [1.0; 3], roughness)
     };
-    let plastic = |metallic, roughness| Material { metallic, ..stage::plastic("plastic", [1.0; 3], roughness) };
+    let plastic = |metallic, roughness| Material { metallic, ..parts::plastic("plastic", [1.0; 3], roughness) };
     let values = [(1.0, 1.0), (0.0, 0.9), (0.3, 0.41), (0.8, 0.2), (0.5, 0.0)];
     let kinds = values.map(|(m, r)| plastic(m, r)).into_iter().chain(values.map(|(m, r)| glass(m, r))).collect();
     let set = Set::new(kinds);
@@ -212,7 +212,7 @@ fn varying_coats_are_the_constant_coats_of_the_point() {
         clearcoat: 0.8,
         clearcoat_roughness: 0.7,
         metallic: 0.25,
-        ..stage::plastic("full", [1.0; 3], 0.4)
+        ..parts::plastic("full", [1.0; 3], 0.4)
     };
     let mut pcg = Pcg::new(204);
     let texels: Vec<[f32; 6]> = (0..40).map(|_| [0; 6].map(|_| pcg.uniform() as f32)).collect();
@@ -263,11 +263,11 @@ fn coat_factors_come_from_their_channels() {
     let mut scene = Scene::default();
     let mut texture = || {
         let image = Image { width: 4, height: 3, rgba: (0..12).map(|_| pcg.next_u32().to_le_bytes()).collect() };
-        stage::texture(&mut scene, image)
+        parts::texture(&mut scene, image)
     };
     let [specular_texture, specular_color_texture] = [texture(), texture()].map(Some);
     let [clearcoat_texture, clearcoat_roughness_texture] = [texture(), texture()].map(Some);
-    let plain = Material { clearcoat: 0.5, clearcoat_roughness: 0.1, ..stage::plastic("plain", [1.0; 3], 0.5) };
+    let plain = Material { clearcoat: 0.5, clearcoat_roughness: 0.1, ..parts::plastic("plain", [1.0; 3], 0.5) };
     let textured = Material {
         specular_texture,
         specular_color_texture,
@@ -276,11 +276,11 @@ fn coat_factors_come_from_their_channels() {
         ..plain.clone()
     };
     for material in [plain, textured] {
-        let material = stage::material(&mut scene, material);
+        let material = parts::material(&mut scene, material);
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let triangle = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
-        let mesh = stage::mesh(&mut scene, "triangle", material, triangle);
-        stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
+        let mesh = parts::mesh(&mut scene, "triangle", material, triangle);
+        parts::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
     }
     let geometry = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
     assert!(geometry.features.coat_textures && geometry.features.surface_textures && geometry.features.textures);
@@ -321,8 +321,8 @@ fn surface_textures_multiply_the_factors() {
     let mut scene = Scene::default();
     let mut image = || Image { width: 5, height: 4, rgba: (0..20).map(|_| pcg.next_u32().to_le_bytes()).collect() };
     let (color, surface) = (image(), image());
-    let color = stage::texture(&mut scene, color);
-    let surface = stage::texture(&mut scene, surface);
+    let color = parts::texture(&mut scene, color);
+    let surface = parts::texture(&mut scene, surface);
     for surface_texture in [None, Some(surface)] {
         let material = Material {
             base_color_texture: Some(color),
@@ -330,13 +330,13 @@ fn surface_textures_multiply_the_factors() {
             metallic: 0.75,
             transmission: 0.5,
             transmission_texture: surface_texture,
-            ..stage::plastic("textured", [0.9, 0.5, 0.3], 0.8)
+            ..parts::plastic("textured", [0.9, 0.5, 0.3], 0.8)
         };
-        let material = stage::material(&mut scene, material);
+        let material = parts::material(&mut scene, material);
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let triangle = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
-        let mesh = stage::mesh(&mut scene, "triangle", material, triangle);
-        stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
+        let mesh = parts::mesh(&mut scene, "triangle", material, triangle);
+        parts::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
     }
     let geometry = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
     assert!(geometry.features.surface_textures && geometry.features.transmission_textures);

@@ -2,7 +2,7 @@
 
 use glam::{DAffine2, DAffine3, DVec2, DVec3};
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::generate::stage;
+use taugate::internals::generate::parts;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::{Geometry, TexelLayout};
 use taugate::internals::render::space::RenderSpace;
@@ -43,17 +43,17 @@ fn scene() -> Scene {
             emission: [3.0, 2.0, 1.0],
             emission_texture: (i != 1).then_some(42),
             alpha_mode,
-            ..stage::diffuse("textured", [1.0; 3])
+            ..parts::diffuse("textured", [1.0; 3])
         };
         scene.materials.push(material);
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let mesh = stage::mesh(
+        let mesh = parts::mesh(
             &mut scene,
             "triangle",
             i as u32,
             Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() },
         );
-        stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
+        parts::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
     }
     scene
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::generate::{shapes, stage};
+use taugate::internals::generate::{parts, shapes};
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::space::RenderSpace;
@@ -134,7 +134,7 @@ fn opposed(mut mesh: Mesh) -> Mesh {
 pub fn scene() -> Scene {
     let mut pcg = Pcg::new(131);
     let mut scene = Scene::default();
-    let material = stage::material(&mut scene, stage::diffuse("white", [1.0; 3]));
+    let material = parts::material(&mut scene, parts::diffuse("white", [1.0; 3]));
     for i in 0..24 {
         let shape = match i % 4 {
             0 => shapes::ball(0.7, 12, 8),
@@ -144,10 +144,10 @@ pub fn scene() -> Scene {
         };
         let shape = if i % 5 == 0 { opposed(shape) } else { shape };
         let squeeze = DVec3::new(pcg.range(0.5, 2.0), pcg.range(0.5, 2.0), if i % 3 == 0 { -1.0 } else { 1.0 });
-        let turn = stage::about(direction(&mut pcg), pcg.range(0.0, 3.0)) * DMat3::from_diagonal(squeeze);
+        let turn = parts::about(direction(&mut pcg), pcg.range(0.0, 3.0)) * DMat3::from_diagonal(squeeze);
         let place = DAffine3::from_mat3_translation(turn, 5.0 * direction(&mut pcg));
-        let mesh = stage::mesh(&mut scene, "shape", material, shape);
-        stage::place(&mut scene, "node", mesh, place);
+        let mesh = parts::mesh(&mut scene, "shape", material, shape);
+        parts::place(&mut scene, "node", mesh, place);
     }
     scene
 }
@@ -239,11 +239,11 @@ fn alpha_lets_its_share_of_rays_through() {
     const N: usize = 40_000;
     let mut scene = Scene::default();
     let veil =
-        Material { base_color: [1.0, 1.0, 1.0, 0.3], alpha_mode: AlphaMode::Blend, ..stage::diffuse("veil", [1.0; 3]) };
-    let material = stage::material(&mut scene, veil);
+        Material { base_color: [1.0, 1.0, 1.0, 0.3], alpha_mode: AlphaMode::Blend, ..parts::diffuse("veil", [1.0; 3]) };
+    let material = parts::material(&mut scene, veil);
     for z in [1.0, 2.0] {
         let quad: Mesh = shapes::quad(DVec3::new(-1.0, -1.0, z), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0, 1.0]);
-        stage::add(&mut scene, "veil", material, quad);
+        parts::add(&mut scene, "veil", material, quad);
     }
     let rays = vec![(DVec3::new(0.3, 0.1, 0.0), DVec3::Z, 3e38); N];
     let results = trace(&TRACE.compile(&[("HAS_TEXTURES", 0.0)]), &rays, false, &buffers(&scene, DVec3::ZERO));

@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::generate::{shapes, stage};
+use taugate::internals::generate::{parts, shapes};
 use taugate::internals::scene::{Mesh, Scene};
 
 use crate::shader_function::{CompiledFunction, Contents, ShaderFunction};
@@ -111,10 +111,10 @@ struct Placed {
 
 fn placed(mesh: &Mesh, scale: f64) -> Placed {
     let mut scene = Scene::default();
-    let white = stage::material(&mut scene, stage::diffuse("white", [1.0; 3]));
+    let white = parts::material(&mut scene, parts::diffuse("white", [1.0; 3]));
     let centre = scale * DVec3::new(2.0, -3.0, 1.5);
-    let number = stage::mesh(&mut scene, "mesh", white, mesh.clone());
-    stage::place(
+    let number = parts::mesh(&mut scene, "mesh", white, mesh.clone());
+    parts::place(
         &mut scene,
         "mesh",
         number,
@@ -214,8 +214,8 @@ fn coincident_and_empty_triangles() {
     mesh.triangles.extend([[first, first + 1, first + 2], [first + 3, first + 4, first + 5]]);
     mesh.uvs.clear();
     let mut scene = Scene::default();
-    let white = stage::material(&mut scene, stage::diffuse("white", [1.0; 3]));
-    stage::add(&mut scene, "sheets", white, mesh);
+    let white = parts::material(&mut scene, parts::diffuse("white", [1.0; 3]));
+    parts::add(&mut scene, "sheets", white, mesh);
     let mut pcg = Pcg::new(184);
     let inputs: Vec<Input> = (0..20_000)
         .map(|i| {

@@ -2,8 +2,8 @@
 //! plane of the ceiling. No light may leak or get lost, and no contribution may be infinite.
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{about, add, camera, diffuse, emitter, material};
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
-use taugate::internals::generate::stage::{about, add, camera, diffuse, emitter, material};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{AlphaMode, Instance, Material, Mesh, Scene};
 use taugate::internals::settings::units::Gate;

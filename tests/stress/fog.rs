@@ -2,7 +2,7 @@
 //! closed form.
 
 use glam::DVec3;
-use taugate::internals::generate::stage::{camera, light};
+use taugate::internals::generate::parts::{camera, light};
 use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};
 use taugate::internals::self_check::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::settings::Estimator;

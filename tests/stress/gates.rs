@@ -1,8 +1,8 @@
 //! Gates whose ends equal the length of a path, and gates outside the travel times of the scene.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, emitter, glass, material};
 use taugate::internals::generate::shapes::{cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, emitter, glass, material};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;

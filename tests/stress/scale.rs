@@ -1,8 +1,8 @@
 //! A scene gives the same image when it is scaled up or down, or moved far from the origin of world space.
 
 use glam::{DAffine3, DVec3};
+use taugate::internals::generate::parts::{add, glass, light, material, metal};
 use taugate::internals::generate::shapes::cuboid;
-use taugate::internals::generate::stage::{add, glass, light, material, metal};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::Renderer;
 use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};

@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
+use taugate::internals::generate::parts::{camera, diffuse, emitter, material, mesh, place};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{camera, diffuse, emitter, material, mesh, place};
 use taugate::internals::render::{PreparedScene, StrategyImages};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;

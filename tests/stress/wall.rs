@@ -1,8 +1,8 @@
 //! A plane that faces the pinhole and is lit by a point light at the pinhole: travel times and radiance have closed forms.
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
 use taugate::internals::scene::{LightKind, Scene};
 
 /// Reflectance of the plane. The light has an intensity of 1 W / sr.

@@ -1,6 +1,6 @@
 use super::*;
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::generate::stage::{diffuse, metal, plastic};
+use taugate::internals::generate::parts::{diffuse, metal, plastic};
 
 fn direction(cos: f64, angle: f64) -> DVec3 {
     let sin = (1.0 - cos * cos).sqrt();
@@ -120,7 +120,7 @@ fn glass_by_hand() {
     // Total reflection beyond asin(1 / 1.5), whose cosine is 0.745.
     assert_eq!(fresnel_dielectric(0.74, 1.0 / 1.5), 1.0);
     assert!(fresnel_dielectric(0.76, 1.0 / 1.5) < 0.5);
-    let prepared = PreparedMaterial::new(&taugate::internals::generate::stage::glass(""));
+    let prepared = PreparedMaterial::new(&taugate::internals::generate::parts::glass(""));
     let bsdf = prepared.at([1.0; 3]);
     assert!(bsdf.only_delta());
     let through = bsdf.sample(direction(0.5, 0.0), false, [0.9, 0.5, 0.5]).unwrap();

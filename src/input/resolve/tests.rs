@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3};
 
 use super::*;
-use crate::generate::stage::diffuse;
+use crate::generate::parts::diffuse;
 use crate::input::sequence::at_first_frame;
 use crate::scene::{Camera, Image, Instance, Light, LightKind, Material, Medium, Mesh, Projection};
 

@@ -1,8 +1,8 @@
 use glam::{DAffine3, DVec3};
 
 use super::*;
+use crate::generate::parts::{add, camera, diffuse, light, material};
 use crate::generate::shapes::{cuboid, quad};
-use crate::generate::stage::{add, camera, diffuse, light, material};
 use crate::input::resolve::{as_experiment, resolve};
 use crate::scene::{Camera, LightKind, Projection};
 use crate::settings::Emitters;

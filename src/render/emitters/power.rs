@@ -117,7 +117,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::generate::{shapes, stage};
+    use crate::generate::{parts, shapes};
     use crate::render::albedo::AlbedoTable;
     use crate::render::emitters::EmitterSet;
     use crate::render::solids::Solids;
@@ -130,11 +130,11 @@ mod tests {
     fn share(size: [f32; 2], change: impl Fn(u32, &mut Material)) -> f64 {
         let mut scene = Scene::default();
         let rgba = vec![[255, 255, 255, 102], [0, 255, 0, 255]];
-        let texture = stage::texture(&mut scene, Image { width: 2, height: 1, rgba });
-        let mut lamp = stage::emitter("lamp", [1.0; 3]);
+        let texture = parts::texture(&mut scene, Image { width: 2, height: 1, rgba });
+        let mut lamp = parts::emitter("lamp", [1.0; 3]);
         change(texture, &mut lamp);
-        let lamp = stage::material(&mut scene, lamp);
-        stage::add(&mut scene, "lamp", lamp, shapes::quad(DVec3::ZERO, 2.0 * DVec3::X, 3.0 * DVec3::Y, size));
+        let lamp = parts::material(&mut scene, lamp);
+        parts::add(&mut scene, "lamp", lamp, shapes::quad(DVec3::ZERO, 2.0 * DVec3::X, 3.0 * DVec3::Y, size));
         let space = RenderSpace { origin: DVec3::ZERO, unit: 2.0 };
         let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
         let set = EmitterSet::new(&scene, &Emitters::Scene, &space, &geometry, &Solids::default());

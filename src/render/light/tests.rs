@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::Tally;
-use crate::generate::stage::{camera, light};
+use crate::generate::parts::{camera, light};
 use crate::gpu::Device;
 use crate::render::{Renderer, Stats};
 use crate::scene::{LightKind, Medium, PhaseFunction, Scene};

@@ -1,8 +1,8 @@
 use glam::DVec3;
 
 use super::*;
+use crate::generate::parts::{add, camera, diffuse, glass, material, metal};
 use crate::generate::shapes::{cuboid, icosphere, quad};
-use crate::generate::stage::{add, camera, diffuse, glass, material, metal};
 use crate::scene::{LightKind, Material, Medium};
 use crate::settings::gates::Gates;
 use crate::settings::{Estimator, SettingsBuilder};

@@ -152,8 +152,8 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
+    use crate::generate::parts::{add, diffuse, glass, material};
     use crate::generate::shapes::{append, cuboid, icosphere, inside_out, quad};
-    use crate::generate::stage::{add, diffuse, glass, material};
     use crate::scene::Mesh;
 
     /// The share of the triangles of the first instance that is turned, and the number of instances that stay inside out.

@@ -1,8 +1,8 @@
 //! Merging beside other strategies, and in the limits of small lamps, short gates and small radii.
 
 use glam::{DAffine3, DMat3, DVec3};
+use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::scene::{LightKind, Mesh, Scene};
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::pixels::Pixels;

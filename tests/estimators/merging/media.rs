@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, glass, light, material};
 use taugate::internals::generate::shapes::{cuboid, quad};
-use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material};
 use taugate::internals::scene::{LightKind, Material, Medium, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;

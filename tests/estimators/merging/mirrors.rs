@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use taugate::internals::generate::parts::{add, camera, diffuse, light, material, metal};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, camera, diffuse, light, material, metal};
 use taugate::internals::scene::{Image, LightKind, Material, Mesh, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;

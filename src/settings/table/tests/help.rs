@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::*;
+use crate::generate::parts::{add, camera, diffuse, light, material};
 use crate::generate::shapes::cuboid;
-use crate::generate::stage::{add, camera, diffuse, light, material};
 use crate::input::resolve::{outputs, resolve};
 use crate::input::responses::chosen;
 use crate::input::scenery;

@@ -1,4 +1,4 @@
-//! Short names for the functions of [`crate::scene`] that build a scene, and rotations.
+//! The parts of a generated scene: short names for the functions of [`crate::scene`] that build one, and rotations.
 
 use glam::{DAffine3, DMat3, DVec3};
 
