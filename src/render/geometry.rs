@@ -194,6 +194,11 @@ impl Geometry {
         t.material & TRIANGLE_NULL == 0 && self.smooth[(t.material & TRIANGLE_MATERIAL) as usize].is_smooth()
     }
 
+    /// Whether the triangle is thin glass that reflects without blur.
+    pub fn is_smooth_sheet(&self, t: &Triangle) -> bool {
+        t.material & TRIANGLE_SHEET != 0 && self.smooth[(t.material & TRIANGLE_MATERIAL) as usize].is_smooth_sheet()
+    }
+
     /// A distance beyond the scene, from any point of it.
     pub fn far(&self) -> f64 {
         let bounds = self.bvh.host.total_aabb;

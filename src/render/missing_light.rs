@@ -25,10 +25,10 @@ use crate::settings::{Merge, Settings, Strategies};
 use found::{Contribution, Found, Pixel};
 use lamps::{Lamp, lamps};
 pub use message::MissingLight;
-use surfaces::nearest;
+use surfaces::{AtSheets, hit_at, lobes, nearest};
 pub use targets::ON_SQUARE;
 use targets::{Target, targets};
-use walk::{Event, Ray, World};
+use walk::{Event, Line, Ray, World};
 
 /// Camera rays along each side of the crop.
 const SIDE: u32 = 48;
@@ -152,6 +152,9 @@ impl<'a> Search<'a> {
         if targets.is_empty() {
             return None;
         }
+        let geometry = &prepared.geometry;
+        let has_sheets = geometry.triangles.iter().any(|t| geometry.is_smooth_sheet(t));
+        let sheets = if has_sheets { AtSheets::Stop } else { AtSheets::Pass };
         let lamps = lamps(scene, settings.emitters(), prepared);
         if lamps.is_empty() {
             return None;
@@ -159,7 +162,7 @@ impl<'a> Search<'a> {
         let is_aimed = scene.cameras[settings.camera()].projection.aims().is_some();
         let has_light_subpaths = settings.estimator().record().light_subpaths && settings.max_depth() >= 2;
         Some(Search {
-            world: World { geometry: &prepared.geometry, media: &prepared.media },
+            world: World { geometry: &prepared.geometry, media: &prepared.media, sheets },
             lamps,
             targets,
             has_light_subpaths,
@@ -173,17 +176,10 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// The contribution of light at `event` that arrives over `smooth` smooth surfaces. `None` outside of the gate, and if not even paths of
-    /// two segments count.
-    fn contribution(
-        &self,
-        event: &Event,
-        lamp: usize,
-        irradiance: f64,
-        smooth: u32,
-        tau: f64,
-        object: Option<u32>,
-    ) -> Option<Contribution> {
+    /// The contribution of light at `event` that arrives along `line`. `None` outside of the gate, and if not even paths of two segments
+    /// count.
+    fn contribution(&self, event: &Event, lamp: usize, irradiance: f64, line: &Line) -> Option<Contribution> {
+        let &Line { smooth, tau, object, is_by_sheet, .. } = line;
         let is_in_gate = self.lamps[lamp].is_distant() || self.gate.contains(self.unit * (event.path.tau + tau));
         let crossings = event.path.smooth + smooth;
         let is_too_long = crossings + 2 > self.max_depth;
@@ -191,13 +187,16 @@ impl<'a> Search<'a> {
             return None;
         }
         let after = event.path.smooth > 0;
-        let is_cut_off_from_lamp = smooth > 0 || self.lamps[lamp].is_beam();
+        let is_beam = self.lamps[lamp].is_beam();
+        let is_cut_off_from_lamp = smooth > 0 || is_beam;
         let is_cut_off_from_camera = after || !self.connects_camera;
-        let is_gathered = self.merges && (self.has_light_subpaths || !self.lamps[lamp].is_beam());
+        // Photons of other lamps are not aimed at thin glass.
+        let has_photons = if is_beam { self.has_light_subpaths } else { !is_by_sheet };
+        let is_gathered = self.merges && has_photons;
         let is_cut_off = is_cut_off_from_lamp && is_cut_off_from_camera && !is_gathered;
         let is_missing = crossings > 0 && (is_too_long || is_cut_off);
         let is_merged = is_gathered && is_cut_off_from_lamp && is_cut_off_from_camera && !is_missing;
-        let object = event.path.object.or(object);
+        let object = if is_by_sheet { object } else { event.path.object.or(object) };
         Some(Contribution {
             light: event.path.weight * irradiance,
             tau: self.unit * (event.path.tau + tau),
@@ -205,6 +204,7 @@ impl<'a> Search<'a> {
             is_merged,
             on_both_sides: after,
             is_too_long,
+            is_by_sheet,
             lamp,
             object,
         })
@@ -213,14 +213,7 @@ impl<'a> Search<'a> {
     fn straight(&self, event: &Event) -> Vec<Contribution> {
         let of_lamp = |(lamp, l): (usize, &Lamp)| {
             let arrival = l.straight(&self.world, event)?;
-            self.contribution(
-                event,
-                lamp,
-                arrival.irradiance,
-                arrival.line.smooth,
-                arrival.line.tau,
-                arrival.line.object,
-            )
+            self.contribution(event, lamp, arrival.irradiance, &arrival.line)
         };
         self.lamps.iter().enumerate().filter_map(of_lamp).collect()
     }
@@ -246,14 +239,23 @@ impl<'a> Search<'a> {
                 let Some(target) = target else { return lamp.beam_ray(k, count) };
                 let place = target.place(geometry, k, count)?;
                 let ray = lamp.ray_to(&place, target.area() / f64::from(count), far)?;
-                let first = nearest(geometry, ray.origin, ray.direction, f64::INFINITY, None)?;
-                // Another surface receives this light.
-                (first.triangle == place.triangle).then_some(ray)
+                let first = nearest(geometry, ray.origin, ray.direction, f64::INFINITY, None, AtSheets::Pass);
+                if !geometry.is_smooth_sheet(&geometry.triangles[place.triangle]) {
+                    // Else another surface receives this light.
+                    return first.is_some_and(|first| first.triangle == place.triangle).then_some(ray);
+                }
+                let distance = ray.origin.distance(place.position);
+                let sheet = hit_at(geometry, place.triangle, distance, ray.direction);
+                let is_free = first.is_none_or(|first| first.distance > distance);
+                is_free.then(|| self.world.mirrored(&ray, &sheet, &lobes(geometry, &sheet, ray.direction)))
             };
             let mut photons = vec![];
             for ray in (0..count).filter_map(ray) {
+                // Rays that are aimed at thin glass stand for what it reflects first, and no others do.
+                let is_by_sheet = ray.is_by_sheet;
                 self.world.walk(ray, &mut |event| {
-                    if event.normal.is_some() && (event.path.smooth > 0 || target.is_none()) {
+                    let is_aimed = event.path.smooth > 0 && event.path.is_by_sheet == is_by_sheet;
+                    if event.normal.is_some() && (is_aimed || target.is_none()) {
                         photons.push(Photon { event, lamp: number });
                     }
                 });
@@ -286,8 +288,9 @@ impl<'a> Search<'a> {
             let radius2 = near.get(GATHERED).map_or(reach * reach, |(distance2, _)| *distance2);
             for (_, Photon { event: photon, .. }) in near.into_iter().take(GATHERED) {
                 let irradiance = photon.arriving / (PI * radius2);
-                let Ray { smooth, tau, object, .. } = photon.path;
-                all.extend(self.contribution(event, lamp, irradiance, smooth, tau, object));
+                let Ray { smooth, tau, object, is_by_sheet, .. } = photon.path;
+                let line = Line { smooth, share: 1.0, tau, object, is_by_sheet };
+                all.extend(self.contribution(event, lamp, irradiance, &line));
             }
         }
         all

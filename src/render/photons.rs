@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::Renderer;
 use super::geometry::Geometry;
 use super::media::Media;
-use super::missing_light::walk::World;
+use super::missing_light::walk::{AtSheets, World};
 use super::plan::{Iteration, Plan};
 use super::prepared_scene::PreparedScene;
 use super::stats::{Stats, stage};
@@ -114,7 +114,7 @@ impl PhotonTracer {
     /// Traces the photons of an iteration. The frame on the device is that of its light subpaths.
     pub fn run(&mut self, plan: &Plan, iteration: &Iteration, stats: &mut Stats) -> Result<PhotonMap> {
         let aims = self.aims.get_or_insert_with(|| {
-            let world = World { geometry: &self.geometry, media: &self.media };
+            let world = World { geometry: &self.geometry, media: &self.media, sheets: AtSheets::Pass };
             let rays = camera_rays(plan, &self.sensor_aims);
             stats.timed(stage::AIM_PHOTONS, || {
                 let all = Aims::new(&self.geometry, &mut self.source, plan.traces_light);

@@ -52,6 +52,33 @@ fn info_says_which_glass_is_thin_and_how_far_the_wall_behind_it_is() {
     assert_eq!(info(&[])["glass"][0]["thin"], false);
 }
 
+/// A lamp without a surface lights the wall aside over a pane at 45 degrees, which shows this wall to the camera. The pane is
+/// named.
+#[test]
+fn thin_glass_that_reflects_twice_is_named() {
+    let here = folder();
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
+    add(&mut scene, "wall", grey, quad(DVec3::new(4.0, -9.0, 8.0), -18.0 * DVec3::Z, 18.0 * DVec3::Y, [1.0; 2]));
+    let clear = material(&mut scene, glass("clear"));
+    let along = DVec3::new(1.0, 0.0, -1.0);
+    add(&mut scene, "pane", clear, quad(DVec3::new(-0.5, -1.0, -0.5), along, 2.0 * DVec3::Y, [1.0; 2]));
+    scene.add_light("lamp", DVec3::ZERO, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
+    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.1, [8, 8]);
+    std::fs::write(here.path().join("scene.glb"), glb::write(&scene)).unwrap();
+    let reason = "100 % of the pixels miss light of 'lamp'";
+    let render = ["render", "scene.glb", "-o", "out.exr", "--spp", "2", "--light-paths", "500", "--estimator", "bdpt"];
+    let output = taugate(here.path(), &render);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && message.contains(reason) && message.contains("'pane'"), "{message}");
+    // The gate holds the light over the pane alone: 10 m instead of 5 m and the root of 17 m.
+    let output = taugate(here.path(), &[&render[..], &["--gate", "9.9m..10.2m"]].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && message.contains(reason), "{message}");
+    let warnings = json(here.path(), &["info", "scene.glb", "--json"])["warnings"].to_string();
+    assert!(warnings.contains(reason) && warnings.contains("model the pane as a closed box"), "{warnings}");
+}
+
 /// Light that passes the window twice is 0.923^2 of the light without it, and 5 cm of glass delay it by 5 cm in all.
 #[test]
 fn a_thickness_delays_the_wall_behind_a_window() {

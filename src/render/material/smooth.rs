@@ -11,9 +11,10 @@ const ROUNDING: f32 = 1.2;
 /// Shares of the points of a material at which a lobe has no width, from 0 to 1. Without a texture of the roughness, each is 0 or 1.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SmoothShares {
-    /// Reflection and refraction. 0 for thin glass: light passes straight on, and its reflections twice on a path are dim.
+    /// Reflection and refraction; for thin glass also the light that passes straight on.
     pub base: f64,
     pub clearcoat: f64,
+    pub is_thin: bool,
 }
 
 impl SmoothShares {
@@ -21,7 +22,7 @@ impl SmoothShares {
     pub fn new(scene: &Scene, source: &scene::Material, m: &Material, is_thin: bool, varies: bool) -> SmoothShares {
         let limit = if varies { ROUNDING * DELTA_ALPHA } else { DELTA_ALPHA };
         let share = |has_lobe: bool, alpha: f32, texture: Option<u32>| match texture {
-            _ if !has_lobe || is_thin => 0.0,
+            _ if !has_lobe => 0.0,
             // Only light of lamps without a surface needs the share. Counting takes time in scenes with many textures.
             Some(_) if alpha >= limit && scene.lights.is_empty() => 0.0,
             Some(texture) if alpha >= limit => smooth_texels(scene, texture, limit / alpha),
@@ -31,12 +32,18 @@ impl SmoothShares {
         SmoothShares {
             base: share(has_base, m.alpha, source.surface_texture),
             clearcoat: share(m.clearcoat > 0.0, m.clearcoat_alpha, source.clearcoat_roughness_texture),
+            is_thin,
         }
     }
 
-    /// Whether any point has a lobe without width.
+    /// Whether any point has a lobe without width. Thin glass does not count: what it reflects twice on a path is dim.
     pub fn is_smooth(&self) -> bool {
-        self.base > 0.0 || self.clearcoat > 0.0
+        !self.is_thin && (self.base > 0.0 || self.clearcoat > 0.0)
+    }
+
+    /// Whether the material is thin glass that lets light pass straight on, at any point.
+    pub fn is_smooth_sheet(&self) -> bool {
+        self.is_thin && self.base > 0.0
     }
 }
 

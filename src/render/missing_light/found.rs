@@ -19,6 +19,8 @@ pub struct Pixel {
     on_both_sides: f64,
     /// Part of `missing` whose paths have more than max_depth segments.
     too_long: f64,
+    /// Part of `missing` that thin glass reflects before any other smooth surface meets it.
+    by_sheets: f64,
     /// Whether merging finds a part of `formed`.
     pub is_merged: bool,
 }
@@ -33,6 +35,7 @@ pub struct Contribution {
     pub is_merged: bool,
     pub on_both_sides: bool,
     pub is_too_long: bool,
+    pub is_by_sheet: bool,
     pub lamp: usize,
     pub object: Option<u32>,
 }
@@ -54,7 +57,8 @@ impl Found {
     }
 
     pub fn add(&mut self, pixel: usize, contribution: Contribution) {
-        let Contribution { light, tau, is_missing, is_merged, on_both_sides, is_too_long, lamp, object } = contribution;
+        let Contribution { light, tau, is_missing, is_merged, on_both_sides, is_too_long, is_by_sheet, lamp, object } =
+            contribution;
         if is_merged {
             self.merged.push((tau, light));
         }
@@ -67,6 +71,7 @@ impl Found {
         pixel.missing += light;
         pixel.on_both_sides += if on_both_sides { light } else { 0.0 };
         pixel.too_long += if is_too_long { light } else { 0.0 };
+        pixel.by_sheets += if is_by_sheet { light } else { 0.0 };
         self.lamps[lamp] += light;
         if let Some(object) = object {
             *self.objects.entry(object).or_default() += light;
@@ -90,6 +95,7 @@ impl Found {
             lamp: search.lamps[lamp].light.node.clone(),
             object,
             too_long: sum(|pixel| pixel.too_long) > 0.5 * sum(|pixel| pixel.missing),
+            by_sheets: sum(|pixel| pixel.by_sheets) > 0.5 * sum(|pixel| pixel.missing),
             has_remedy: search.may_connect_camera,
             is_switched_off: search.is_switched_off,
             only_before: affected.iter().all(|pixel| pixel.on_both_sides <= MIN_MISSED * pixel.missing),

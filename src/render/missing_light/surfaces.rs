@@ -36,16 +36,30 @@ pub struct Lobes {
     pub eta: f64,
 }
 
+/// What rays do at smooth thin glass.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum AtSheets {
+    Pass,
+    Stop,
+}
+
 /// The nearest surface that the ray hits before `end`; `leaves` is the triangle that it leaves. Surfaces with an alpha below one half,
-/// thin glass, and boundaries of media that do not bend light, let it pass.
-pub fn nearest(geometry: &Geometry, origin: DVec3, direction: DVec3, end: f64, leaves: Option<usize>) -> Option<Hit> {
+/// rough thin glass, and boundaries of media that do not bend light, let it pass. `sheets`: smooth thin glass.
+pub fn nearest(
+    geometry: &Geometry,
+    origin: DVec3,
+    direction: DVec3,
+    end: f64,
+    leaves: Option<usize>,
+    sheets: AtSheets,
+) -> Option<Hit> {
     let triangles = &geometry.triangles;
     let mut best: Option<(f64, usize)> = None;
     let ray = BoxRay::new(Vec3A::from(origin.as_vec3()), Vec3A::from(direction.as_vec3()), 0.0, end as f32);
     let mut hit = RayHit::none();
     geometry.bvh.host.ray_traverse(ray, &mut hit, |_, index| {
         let t = &triangles[index];
-        if leaves == Some(index) || passes(geometry, t) {
+        if leaves == Some(index) || passes(geometry, t, sheets) {
             return f32::INFINITY;
         }
         match distance_to(t, origin, direction) {
@@ -57,18 +71,22 @@ pub fn nearest(geometry: &Geometry, origin: DVec3, direction: DVec3, end: f64, l
             _ => f32::INFINITY,
         }
     });
-    let (distance, triangle) = best?;
-    let front = front_normal(&triangles[triangle]);
-    let is_front = front.dot(direction) <= 0.0;
-    Some(Hit { distance, triangle, normal: if is_front { front } else { -front }, is_front })
+    best.map(|(distance, triangle)| hit_at(geometry, triangle, distance, direction))
 }
 
-/// The lobes at `hit`, which is seen along the unit vector `direction`.
+/// Triangle number `triangle`, seen along `direction` at this distance.
+pub fn hit_at(geometry: &Geometry, triangle: usize, distance: f64, direction: DVec3) -> Hit {
+    let front = front_normal(&geometry.triangles[triangle]);
+    let is_front = front.dot(direction) <= 0.0;
+    Hit { distance, triangle, normal: if is_front { front } else { -front }, is_front }
+}
+
+/// The lobes at `hit`, which is seen along the unit vector `direction`. Thin glass refracts the light that passes it straight on.
 pub fn lobes(geometry: &Geometry, hit: &Hit, direction: DVec3) -> Lobes {
     let number = (geometry.triangles[hit.triangle].material & TRIANGLE_MATERIAL) as usize;
     let (m, smooth) = (&geometry.materials[number], &geometry.smooth[number]);
     let is_black = !hit.is_front && m.flags & MATERIAL_DOUBLE_SIDED == 0 && m.transmission <= 0.0;
-    let eta = if hit.is_front { 1.0 / f64::from(m.ior) } else { f64::from(m.ior) };
+    let eta = if hit.is_front || smooth.is_thin { 1.0 / f64::from(m.ior) } else { f64::from(m.ior) };
     if is_black {
         return Lobes { rough: 0.0, mirrored: 0.0, refracted: 0.0, eta };
     }
@@ -78,7 +96,8 @@ pub fn lobes(geometry: &Geometry, hit: &Hit, direction: DVec3) -> Lobes {
     let [metallic, transmission] = [m.metallic, m.transmission].map(f64::from);
     let base = luminance(m.base_color);
     let coat = schlick(m.f0.into(), m.f90.into());
-    let glass = fresnel(cosine, eta);
+    let face = fresnel(cosine, eta);
+    let glass = if smooth.is_thin { 2.0 * face / (1.0 + face) } else { face };
     let reflected =
         metallic * schlick(base, 1.0) + (1.0 - metallic) * ((1.0 - transmission) * coat + transmission * glass);
     let through = (1.0 - metallic) * transmission * (1.0 - glass) * base;
@@ -114,10 +133,12 @@ fn fresnel(cosine: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-fn passes(geometry: &Geometry, t: &Triangle) -> bool {
+fn passes(geometry: &Geometry, t: &Triangle, sheets: AtSheets) -> bool {
     let is_alpha = t.material & TRIANGLE_ALPHA != 0;
     let opacity = || geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].opacity;
-    t.material & (TRIANGLE_NULL | TRIANGLE_SHEET) != 0 || (is_alpha && opacity() < 0.5)
+    let is_passed_sheet =
+        t.material & TRIANGLE_SHEET != 0 && (sheets == AtSheets::Pass || !geometry.is_smooth_sheet(t));
+    t.material & TRIANGLE_NULL != 0 || is_passed_sheet || (is_alpha && opacity() < 0.5)
 }
 
 /// Unit geometric normal of the front; 0 for a triangle without area.

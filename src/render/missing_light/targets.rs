@@ -11,7 +11,7 @@ pub const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Multiples of these two numbers are evenly spread on a square (the sequence R2).
 pub const ON_SQUARE: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
-/// The smooth triangles of one instance.
+/// The smooth triangles of one instance: of solids and mirrors, or of thin glass.
 pub struct Target {
     /// Indices in [`Geometry::triangles`], and the area of all triangles up to each.
     triangles: Vec<(usize, f64)>,
@@ -27,10 +27,12 @@ pub struct Place {
     pub normal: DVec3,
 }
 
-/// All smooth objects.
+/// All smooth objects, and smooth thin glass.
 pub fn targets(geometry: &Geometry) -> Vec<Target> {
     let mut targets: BTreeMap<u32, Target> = BTreeMap::new();
-    for (number, t) in geometry.triangles.iter().enumerate().filter(|(_, t)| geometry.is_smooth(t)) {
+    for (number, t) in
+        geometry.triangles.iter().enumerate().filter(|(_, t)| geometry.is_smooth(t) || geometry.is_smooth_sheet(t))
+    {
         let empty = || Target { triangles: vec![], lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
         let target = targets.entry(t.instance).or_insert_with(empty);
         let [a, b, c] = [t.v0, t.v1, t.v2].map(Vec3::from);

@@ -127,6 +127,50 @@ fn a_wall_lit_and_seen_over_a_mirror_misses_light() {
     assert_eq!(found(&matt), None);
 }
 
+/// A sheet of thin glass at 45 degrees before the camera and a lamp reflects a wall aside, which the lamp lights straight and over the
+/// sheet.
+#[test]
+fn a_wall_lit_and_seen_over_thin_glass_misses_light() {
+    let scene = |kind: Material| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
+        add(&mut scene, "wall", grey, quad(DVec3::new(4.0, -9.0, 8.0), -18.0 * DVec3::Z, 18.0 * DVec3::Y, [1.0; 2]));
+        let pane = material(&mut scene, kind);
+        let along = DVec3::new(1.0, 0.0, -1.0);
+        add(&mut scene, "pane", pane, quad(DVec3::new(-0.5, -1.0, -0.5), along, 2.0 * DVec3::Y, [1.0; 2]));
+        camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.05, [16, 16]);
+        scene.add_light("lamp", DVec3::new(0.0, 0.0, 0.0), DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
+        scene
+    };
+    let missing = found_with(&scene(glass("glass")), |settings| settings.merge(Merge::Auto)).unwrap();
+    assert_eq!((missing.object.as_str(), missing.by_sheets, missing.only_before), ("pane", true, false));
+    let (face, cosine) = (0.5 * (0.0920f64 + 0.0920 * 0.0920), 4.0 / 17f64.sqrt());
+    let sheet = 2.0 * face / (1.0 + face);
+    // Over the sheet 5 m, straight the root of 17 m.
+    let ratio = sheet / 25.0 / (cosine / 17.0);
+    let wanted = ratio / (1.0 + ratio);
+    assert!(missing.share == 1.0 && (missing.loss / wanted - 1.0).abs() < 0.1, "{missing:?}, not {wanted}");
+    assert!(missing.describe().contains("thin glass, such as 'pane', reflects it before it is scattered"));
+    // Rough glass can be connected, and glass of the index of air reflects nothing.
+    assert_eq!(found(&scene(Material { roughness: 0.3, ..glass("rough") })), None);
+    assert_eq!(found(&scene(Material { ior: 1.0, ..glass("clear") })), None);
+}
+
+/// A window before a wall reflects nothing that matters, even if there is a wall behind the lamp.
+#[test]
+fn a_window_misses_no_light_that_matters() {
+    let mut scene = wall();
+    let pane = material(&mut scene, glass("glass"));
+    add(&mut scene, "pane", pane, quad(DVec3::new(-3.0, -3.0, -1.0), 6.0 * DVec3::X, 6.0 * DVec3::Y, [1.0; 2]));
+    assert_eq!(found(&scene), None);
+    add(&mut scene, "behind", 0, quad(DVec3::new(-9.0, -9.0, 4.0), 18.0 * DVec3::Y, 18.0 * DVec3::X, [1.0; 2]));
+    assert_eq!(found(&scene), None);
+    // But in a gate that holds this light alone.
+    let gate = Gate { lo: 11.9, hi: 12.5 };
+    assert!(found_with(&scene, |settings| settings.gate(gate)).unwrap().by_sheets);
+    assert!(!found_with(&scene, |settings| settings.estimator(Estimator::Pt)).is_some_and(|missing| missing.by_sheets));
+}
+
 /// Turbid water behind a smooth surface.
 #[test]
 fn light_in_milk_is_missing_unless_its_surface_does_not_bend_light() {

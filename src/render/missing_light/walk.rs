@@ -3,17 +3,22 @@
 
 use glam::{DVec3, Vec3};
 
-use super::surfaces::{lobes, nearest, refracted};
+pub use super::surfaces::AtSheets;
+use super::surfaces::{Hit, Lobes, lobes, nearest, refracted};
 use crate::render::emitters::luminance;
 use crate::render::geometry::Geometry;
 use crate::render::media::Media;
-use crate::wgsl::layout::constants::TRIANGLE_MATERIAL;
+use crate::wgsl::layout::constants::{TRIANGLE_MATERIAL, TRIANGLE_SHEET};
 use crate::wgsl::layout::{Medium, NONE};
 
 /// Maximum number of smooth surfaces on a path.
 const MAX_SMOOTH: u32 = 8;
 /// A path ends when it carries less than this share of its light.
 const MIN_SHARE: f64 = 0.01;
+/// The same where thin glass reflects, because it reflects little.
+const MIN_REFLECTED: f64 = 1e-3;
+/// Maximum number of sheets of thin glass that a path passes.
+const MAX_SHEETS: u32 = 16;
 /// Events that are placed on a segment in a medium that scatters.
 const MEDIUM_EVENTS: u32 = 4;
 
@@ -33,6 +38,10 @@ pub struct Ray {
     /// Number of smooth surfaces so far, and the instance of the first one.
     pub smooth: u32,
     pub object: Option<u32>,
+    /// Whether the first of them is thin glass, which has reflected the path.
+    pub is_by_sheet: bool,
+    /// Number of sheets of thin glass that the path has passed.
+    pub passed_sheets: u32,
     /// Index in `Geometry::materials` of the solid around the ray, or NONE.
     pub solid: u32,
 }
@@ -40,7 +49,19 @@ pub struct Ray {
 impl Ray {
     /// A ray that begins at a lamp or at the camera, and carries all of its light. `solid`: see [`Ray::solid`].
     pub fn start(origin: DVec3, direction: DVec3, solid: u32) -> Ray {
-        Ray { origin, direction, leaves: None, weight: 1.0, tau: 0.0, length: 0.0, smooth: 0, object: None, solid }
+        Ray {
+            origin,
+            direction,
+            leaves: None,
+            weight: 1.0,
+            tau: 0.0,
+            length: 0.0,
+            smooth: 0,
+            object: None,
+            is_by_sheet: false,
+            passed_sheets: 0,
+            solid,
+        }
     }
 }
 
@@ -55,7 +76,7 @@ pub struct Event {
     pub normal: Option<DVec3>,
 }
 
-/// A straight line from an event to a lamp.
+/// The way from an event to a lamp.
 pub struct Line {
     /// Number of smooth surfaces in between.
     pub smooth: u32,
@@ -65,12 +86,16 @@ pub struct Line {
     pub tau: f64,
     /// Instance of the first smooth surface.
     pub object: Option<u32>,
+    /// Whether the smooth surface next to the lamp is thin glass, which has reflected the light.
+    pub is_by_sheet: bool,
 }
 
 /// The scene for these paths.
 pub struct World<'a> {
     pub geometry: &'a Geometry,
     pub media: &'a Media,
+    /// What rays of [`World::walk`] do at smooth thin glass. If they stop, they divide into what passes and what is reflected.
+    pub sheets: AtSheets,
 }
 
 impl World<'_> {
@@ -78,31 +103,48 @@ impl World<'_> {
     /// its refraction.
     pub fn walk(&self, ray: Ray, visit: &mut impl FnMut(Event)) {
         let World { geometry, .. } = *self;
-        let least = MIN_SHARE * ray.weight;
+        let least = ray.weight * if self.sheets == AtSheets::Stop { MIN_REFLECTED } else { MIN_SHARE };
         let mut open = vec![ray];
         while let Some(mut ray) = open.pop() {
-            let hit = nearest(geometry, ray.origin, ray.direction, f64::INFINITY, ray.leaves);
+            let hit = nearest(geometry, ray.origin, ray.direction, f64::INFINITY, ray.leaves, self.sheets);
             ray.weight *= self.scatter_in_media(&ray, hit.as_ref().map(|hit| hit.distance), visit);
             let Some(hit) = hit else { continue };
             let lobes = lobes(geometry, &hit, ray.direction);
             let triangle = &geometry.triangles[hit.triangle];
-            let end = self.moved(&ray, hit.distance);
-            let end = Ray { leaves: Some(hit.triangle), ..end };
+            let end = Ray { leaves: Some(hit.triangle), ..self.moved(&ray, hit.distance) };
+            let is_sheet = triangle.material & TRIANGLE_SHEET != 0;
+            if is_sheet && ray.passed_sheets < MAX_SHEETS {
+                let passed = ray.weight * lobes.refracted;
+                open.push(Ray { weight: passed, passed_sheets: ray.passed_sheets + 1, ..end });
+            }
             if lobes.rough * ray.weight >= least {
                 let path = Ray { weight: ray.weight * lobes.rough, ..end };
                 visit(Event { path, arriving: ray.weight, normal: Some(hit.normal) });
             }
-            if ray.smooth >= MAX_SMOOTH {
-                continue;
-            }
-            let next = Ray { smooth: ray.smooth + 1, object: ray.object.or(Some(triangle.instance)), ..end };
-            let mirrored = ray.direction - 2.0 * ray.direction.dot(hit.normal) * hit.normal;
-            open.push(Ray { direction: mirrored.normalize(), weight: ray.weight * lobes.mirrored, ..next });
-            if let Some(direction) = refracted(ray.direction, hit.normal, lobes.eta) {
-                let solid = if hit.is_front { triangle.material & TRIANGLE_MATERIAL } else { NONE };
-                open.push(Ray { direction, weight: ray.weight * lobes.refracted, solid, ..next });
+            if ray.smooth < MAX_SMOOTH {
+                let mirrored = self.mirrored(&ray, &hit, &lobes);
+                open.push(mirrored);
+                if let Some(direction) = refracted(ray.direction, hit.normal, lobes.eta).filter(|_| !is_sheet) {
+                    let solid = if hit.is_front { triangle.material & TRIANGLE_MATERIAL } else { NONE };
+                    open.push(Ray { direction, weight: ray.weight * lobes.refracted, solid, ..mirrored });
+                }
             }
             open.retain(|ray| ray.weight >= least);
+        }
+    }
+
+    /// The perfect reflection of `ray` at `hit`.
+    pub fn mirrored(&self, ray: &Ray, hit: &Hit, lobes: &Lobes) -> Ray {
+        let triangle = &self.geometry.triangles[hit.triangle];
+        let direction = ray.direction - 2.0 * ray.direction.dot(hit.normal) * hit.normal;
+        Ray {
+            direction: direction.normalize(),
+            leaves: Some(hit.triangle),
+            weight: ray.weight * lobes.mirrored,
+            smooth: ray.smooth + 1,
+            object: ray.object.or(Some(triangle.instance)),
+            is_by_sheet: ray.is_by_sheet || (ray.smooth == 0 && triangle.material & TRIANGLE_SHEET != 0),
+            ..self.moved(ray, hit.distance)
         }
     }
 
@@ -115,7 +157,7 @@ impl World<'_> {
         }
         let mut ray = Ray { direction, weight: 1.0, tau: 0.0, smooth: 0, object: None, ..event.path };
         let (mut left, mut first, mut entered) = (distance, None::<DVec3>, None);
-        while let Some(hit) = nearest(geometry, ray.origin, direction, left, ray.leaves) {
+        while let Some(hit) = nearest(geometry, ray.origin, direction, left, ray.leaves, AtSheets::Pass) {
             let is_bent = first.is_some_and(|normal| normal.dot(hit.normal).abs() < 0.999);
             // The ray leaves a pane at the angle at which it has entered it, so as much light passes.
             let share = match entered.filter(|_| !hit.is_front) {
@@ -140,7 +182,8 @@ impl World<'_> {
             first = first.or(Some(hit.normal));
         }
         let rest = if left.is_finite() { left * self.eta(ray.solid) } else { 0.0 };
-        Some(Line { smooth: ray.smooth, share: ray.weight, tau: ray.tau + rest, object: ray.object })
+        let Ray { smooth, weight: share, tau, object, .. } = ray;
+        Some(Line { smooth, share, tau: tau + rest, object, is_by_sheet: false })
     }
 
     /// Travel time per length inside a solid of this material; NONE outside of solids.
@@ -157,7 +200,7 @@ impl World<'_> {
     /// Visits events in the media along `ray`, which ends after `distance`. Returns the share of light that passes. A density grid
     /// counts as if it were full.
     fn scatter_in_media(&self, ray: &Ray, distance: Option<f64>, visit: &mut impl FnMut(Event)) -> f64 {
-        let World { geometry, media } = *self;
+        let World { geometry, media, .. } = *self;
         if media.list.is_empty() {
             return 1.0;
         }
