@@ -21,8 +21,12 @@ const REACH: f64 = 1.0;
 const COARSE: f64 = 1.5;
 /// Maximum number of rounds, each of which halves the size of useful pieces.
 const MAX_ROUNDS: u32 = 12;
-/// The least share of the photons that start from all other pieces, because the search may miss light.
-const OTHERS: f64 = 0.1;
+/// Photons that start from pieces whose light can be scattered towards what the camera sees, over those that start from useful pieces; less
+/// if they receive less light. And photons from all other pieces, because the search may miss light.
+const FACING: f64 = 0.25;
+const OTHERS: f64 = 1.0 / 9.0;
+/// Pieces are tested against this many places that the camera sees.
+const FACED: usize = 64;
 
 /// The distance between places in a medium, over the length of the camera's path.
 const MEDIUM_SPACING: f64 = 0.25;
@@ -43,20 +47,23 @@ pub fn focus(aims: Aims, source: &PhotonSource, plan: &Plan, world: &World, rays
         return aims;
     }
     let all = || aims.pieces.iter().zip(aims.piece_weights()).map(|(piece, weight)| (*piece, weight));
-    let (mut open, mut useful, mut others): (Vec<(Piece, f64)>, Vec<_>, Vec<_>) = (all().collect(), vec![], vec![]);
+    let mut open: Vec<(Piece, f64)> = all().collect();
+    let (mut useful, mut facing, mut others) = (vec![], vec![], vec![]);
     for round in 0..=MAX_ROUNDS {
-        // For each open piece, the largest size at which it need not be divided; `None` if it is not useful.
-        let found: Vec<Option<f64>> = open.par_iter().map(|(piece, _)| nearest(world, source, piece, &seen)).collect();
+        let found: Vec<Reached> = open.par_iter().map(|(piece, _)| reached(world, source, piece, &seen)).collect();
         let mut coarse = vec![];
         for ((piece, weight), found) in open.drain(..).zip(found) {
             match found {
-                None => others.push((piece, weight)),
-                Some(size) if source.size(&piece) <= size || round == MAX_ROUNDS => useful.push((piece, weight)),
-                Some(_) => coarse.push((piece, weight)),
+                Reached::Seen(size) if source.size(&piece) <= size || round == MAX_ROUNDS => {
+                    useful.push((piece, weight))
+                }
+                Reached::Seen(_) => coarse.push((piece, weight)),
+                Reached::Facing => facing.push((piece, weight)),
+                Reached::Others => others.push((piece, weight)),
             }
         }
         let quarters: Vec<_> = coarse.iter().flat_map(|(piece, _)| source.quarters(piece)).collect();
-        if useful.len() + others.len() + quarters.len() > MAX_PIECES {
+        if useful.len() + facing.len() + others.len() + quarters.len() > MAX_PIECES {
             useful.append(&mut coarse);
             break;
         }
@@ -65,16 +72,23 @@ pub fn focus(aims: Aims, source: &PhotonSource, plan: &Plan, world: &World, rays
             break;
         }
     }
+    shared(useful, facing, others).unwrap_or(aims)
+}
+
+/// Pieces with their weights, those of `facing` and `others` reduced to their shares. `None` if no piece is useful.
+fn shared(useful: Vec<(Piece, f64)>, facing: Vec<(Piece, f64)>, others: Vec<(Piece, f64)>) -> Option<Aims> {
     let sum = |pieces: &[(Piece, f64)]| pieces.iter().map(|(_, weight)| weight).sum::<f64>();
-    let (of_useful, of_others) = (sum(&useful), sum(&others));
+    let of_useful = sum(&useful);
     if of_useful <= 0.0 {
-        return aims;
+        return None;
     }
-    let factor = (OTHERS / (1.0 - OTHERS) * of_useful / of_others).min(1.0);
-    let mut focused = Aims::default();
-    useful.into_iter().for_each(|(piece, weight)| focused.push(piece, weight));
-    others.into_iter().for_each(|(piece, weight)| focused.push(piece, factor * weight));
-    focused
+    let mut aims = Aims::default();
+    useful.into_iter().for_each(|(piece, weight)| aims.push(piece, weight));
+    for (pieces, share) in [(facing, FACING), (others, OTHERS)] {
+        let factor = (share * of_useful / sum(&pieces)).min(1.0);
+        pieces.into_iter().for_each(|(piece, weight)| aims.push(piece, factor * weight));
+    }
+    Some(aims)
 }
 
 /// The first events that are not smooth on the camera rays, sorted by x.
@@ -147,15 +161,33 @@ fn is_alike(a: Option<DVec3>, b: Option<DVec3>) -> bool {
     }
 }
 
-/// The size of pieces that suits the light which photons of `piece` bring to places that the camera sees. `None` if they bring none.
-fn nearest(world: &World, source: &PhotonSource, piece: &Piece, seen: &[Seen]) -> Option<f64> {
+/// Where the photons of a piece arrive.
+enum Reached {
+    /// At places that the camera sees: the largest size at which the piece need not be divided.
+    Seen(f64),
+    /// In sight of such places, if nothing is between.
+    Facing,
+    Others,
+}
+
+/// Whether light that an event scatters may reach `seen`, if nothing is between.
+fn is_facing(event: &Event, seen: &Seen) -> bool {
+    let way = seen.place - event.path.origin;
+    let is_before =
+        |normal: Option<DVec3>, way: DVec3| normal.is_none_or(|normal| normal.dot(way) > 0.1 * way.length());
+    is_before(event.normal, way) && is_before(seen.normal, -way)
+}
+
+/// Follows a few photons of `piece`.
+fn reached(world: &World, source: &PhotonSource, piece: &Piece, seen: &[Seen]) -> Reached {
     let size = source.size(piece);
-    let mut wanted = None::<f64>;
+    let (mut wanted, mut faces) = (None::<f64>, false);
     for ray in (0..PILOTS).filter_map(|number| source.pilot(piece, number)) {
         world.walk(ray, &mut |event: Event| {
             if event.path.smooth == 0 && !piece.is_beam() {
                 return;
             }
+            faces |= seen.iter().step_by(seen.len().div_ceil(FACED)).any(|seen| is_facing(&event, seen));
             let spread = if source.is_parallel(piece) { 1.0 } else { event.path.length };
             let (place, reach) = (event.path.origin, REACH * size * spread);
             let first = seen.partition_point(|seen| seen.place.x < place.x - 2.0 * reach);
@@ -170,5 +202,44 @@ fn nearest(world: &World, source: &PhotonSource, piece: &Piece, seen: &[Seen]) -
             }
         });
     }
-    wanted
+    match wanted {
+        Some(size) => Reached::Seen(size),
+        None if faces => Reached::Facing,
+        None => Reached::Others,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::aims::Target;
+    use super::*;
+
+    #[test]
+    fn pieces_that_the_camera_does_not_see_get_their_shares_or_less() {
+        let pieces = |weights: &[f64]| {
+            let piece = |&weight: &f64| (Piece { emitter: 0, target: Target::Beam }, weight);
+            weights.iter().map(piece).collect::<Vec<_>>()
+        };
+        let weights = |useful: &[f64], facing: &[f64], others: &[f64]| {
+            let aims = shared(pieces(useful), pieces(facing), pieces(others))?;
+            Some(aims.piece_weights().map(|weight| (1e6 * weight).round() / 1e6).collect::<Vec<_>>())
+        };
+        assert_eq!(weights(&[10.0, 8.0], &[30.0, 60.0], &[200.0]), Some(vec![10.0, 8.0, 1.5, 3.0, 2.0]));
+        assert_eq!(weights(&[18.0], &[1.0], &[0.5]), Some(vec![18.0, 1.0, 0.5]));
+        assert_eq!(weights(&[18.0], &[], &[]), Some(vec![18.0]));
+        assert_eq!(weights(&[], &[1.0], &[1.0]), None);
+    }
+
+    /// Two walls that face each other, two parts of one wall, and a medium.
+    #[test]
+    fn surfaces_face_each_other_if_both_see_the_other_one() {
+        let event = |normal| Event { path: Ray::start(DVec3::ZERO, DVec3::X, 0), arriving: 1.0, normal };
+        let seen = |place, normal| Seen { place, normal, spacing: 0.1 };
+        let (left, right) = (Some(DVec3::X), Some(DVec3::NEG_X));
+        assert!(is_facing(&event(left), &seen(DVec3::new(2.0, 1.0, 0.0), right)));
+        assert!(!is_facing(&event(right), &seen(DVec3::new(2.0, 1.0, 0.0), right)));
+        assert!(!is_facing(&event(left), &seen(DVec3::new(2.0, 1.0, 0.0), left)));
+        assert!(!is_facing(&event(left), &seen(DVec3::Y, left)));
+        assert!(is_facing(&event(None), &seen(DVec3::Y, None)) && is_facing(&event(left), &seen(DVec3::X, None)));
+    }
 }
