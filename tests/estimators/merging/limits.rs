@@ -9,6 +9,9 @@ use taugate::internals::settings::pixels::Pixels;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Merge, Responses};
 
+use taugate::Emitters;
+use taugate_oracle::path_tracer;
+
 use super::super::cells::{Cells, renderer, settings, threshold};
 use super::{ALBEDO, INTENSITY, SIDE, behind_slab, slab};
 
@@ -43,16 +46,21 @@ fn ball_at() -> DAffine3 {
     DAffine3::from_translation(DVec3::new(0.0, -0.05, -0.6))
 }
 
+/// A slab that is not parallel to the wall, and the ball.
+fn objects() -> [(&'static str, Mesh, DAffine3); 2] {
+    let turn = DMat3::from_rotation_x(0.4);
+    let pane = cuboid(DVec3::new(-0.6, -0.6, -0.02), DVec3::new(0.6, 0.6, 0.02));
+    let tilted = DAffine3::from_mat3_translation(turn, DVec3::new(0.0, 0.0, -0.5));
+    [("tilted slab", pane, tilted), ("ball", icosphere(0.15, 4), ball_at())]
+}
+
 /// A lamp that shrinks: path tracing, which hits it by chance, approaches what merging finds for a point.
 #[test]
 #[ignore = "takes minutes: cargo test --release --test estimators shrinks_to_a_point -- --ignored --nocapture"]
 fn a_lamp_that_shrinks_to_a_point_is_the_limit_behind_glass() {
-    let turn = DMat3::from_rotation_x(0.4);
-    let pane = cuboid(DVec3::new(-0.6, -0.6, -0.02), DVec3::new(0.6, 0.6, 0.02));
-    let tilted = DAffine3::from_mat3_translation(turn, DVec3::new(0.0, 0.0, -0.5));
     // Light that glass reflects to the camera without the wall takes less. Light of the largest lamp over the wall takes 3.1 m.
     let gate = Gate { lo: 2.9, hi: 8.0 };
-    for (name, shape, at) in [("tilted slab", pane, tilted), ("ball", icosphere(0.15, 4), ball_at())] {
+    for (name, shape, at) in objects() {
         let measure = |radius: Option<f64>, estimator, iterations: u32| {
             let scene = behind(&shape, at, radius);
             let s = settings(estimator, [SIDE, SIDE]).light_paths(200).max_depth(8).build().unwrap();
@@ -67,6 +75,32 @@ fn a_lamp_that_shrinks_to_a_point_is_the_limit_behind_glass() {
             last = (found - point).abs() - 1e-2 * point - threshold(2) * spread.hypot(error);
         }
         assert!(last < 0.0, "{name}: the smallest lamp is not like the point");
+    }
+}
+
+/// The same limit, found by an independent path tracer in f64, which hits the ball by chance.
+#[test]
+#[ignore = "takes 15 minutes: cargo test --release --test estimators small_lamp_in_f64 -- --ignored --nocapture"]
+fn merging_for_a_point_is_near_a_small_lamp_in_f64() {
+    let (gate, resolution) = (Gate { lo: 2.9, hi: 8.0 }, [SIDE, SIDE]);
+    // A ball as lens bends the light of a large lamp more.
+    for ((name, shape, at), radius) in objects().into_iter().zip([0.1, 0.05]).rev() {
+        let s = settings(Estimator::Bdpt, resolution).light_paths(200).max_depth(8).build().unwrap();
+        let (point, error) =
+            Cells::measure(&mut renderer(&behind(&shape, at, None), &s), gate, 16, 16, 16, 900).whole();
+        let (bins, emitters) = (vec![(gate.lo, gate.hi)], Emitters::Scene);
+        let s = path_tracer::Settings { camera: 0, resolution, spp: 20_000, seed: 11, max_depth: 8, bins, emitters };
+        let film = path_tracer::render(&behind(&shape, at, Some(radius)), &s);
+        let pixels = &film.bins[0];
+        let spread = pixels.iter().map(|pixel| pixel.variance[0]).sum::<f64>().sqrt() / pixels.len() as f64;
+        let found = film.average(0);
+        eprintln!(
+            "{name}: a point, merged: {point:.5} +- {error:.1e}; radius {radius}, f64: {found:.5} +- {spread:.1e}"
+        );
+        let noise = spread.hypot(error);
+        let off = |truth: f64| ((point - truth).abs() - 1e-2 * truth).max(0.0) / noise;
+        assert!(noise < 0.01 * found && off(found) < threshold(2), "{name}: {point}, not {found} +- {noise}");
+        assert!(off(1.06 * found) > threshold(2), "{name}: {point} could be {}", 1.06 * found);
     }
 }
 
