@@ -1,6 +1,7 @@
 //! Merging beside other strategies, and in the limits of small lamps, short gates and small radii.
 
 use glam::{DAffine3, DMat3, DVec3};
+use taugate::Emitters;
 use taugate::internals::generate::parts::{add, camera, diffuse, emitter, glass, light, material, mesh, place};
 use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
 use taugate::internals::scene::{LightKind, Mesh, Scene};
@@ -8,8 +9,6 @@ use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::pixels::Pixels;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Merge, Responses};
-
-use taugate::Emitters;
 use taugate_oracle::path_tracer;
 
 use super::super::cells::{Cells, renderer, settings, threshold};
