@@ -102,7 +102,10 @@ mod tests {
         });
         let reading = turns.of_host(&allocation);
         std::thread::scope(|scope| {
-            scope.spawn(|| sender.send(Ok(drop(turns.of_device(std::iter::once(&*allocation))))).unwrap());
+            scope.spawn(|| {
+                drop(turns.of_device(std::iter::once(&*allocation)));
+                sender.send(Ok(())).unwrap();
+            });
             assert!(receiver.recv_timeout(Duration::from_millis(50)).is_err(), "the submit did not wait");
             drop(reading);
             receiver.recv_timeout(Duration::from_secs(60)).expect("the submit waits for ever").unwrap();

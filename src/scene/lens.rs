@@ -165,8 +165,7 @@ impl Distortion {
                 Distortion::Fisheye(_) => self.distance_of(reach)[1],
                 _ => self.distort(reach * turn).1.determinant(),
             };
-            // Also false for a spread that is not a number.
-            if !(spread > 0.0) {
+            if spread.is_nan() || spread <= 0.0 {
                 return folded();
             }
         }
