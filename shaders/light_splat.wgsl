@@ -22,7 +22,13 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = list[id.x];
     let v = vertices[slot];
     splats[slot] = vec4<u32>(vec3<u32>(0u), NONE);
-    let pixel = pixel_of(v.position - frame.sensor);
+    var chief = v.position - frame.sensor;
+    var at = vec2<f32>(0.0);
+    if (HAS_APERTURE) {
+        at = aperture_point(random4(STREAM_LIGHT, dispatch.first + slot, frame.iteration, dispatch.bounce, 3u, frame.seed).xy);
+        chief = from_lens(chief_ray(to_lens(chief) - vec3<f32>(at, 0.0), at));
+    }
+    let pixel = pixel_of(chief);
     // If an event is the only vertex between a deterministic vertex and the sensor, only sensor subpaths form the path
     // (shared/fog.wgsl), and `kept` is 0. If it is the only one between a beam and the sensor, beam_events.wgsl draws
     // such events too, and each of the two kinds counts for its share.
@@ -30,10 +36,14 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE || kept == 0.0) {
         return;
     }
-    let to_sensor = segment_to_sensor(v.position);
+    let to_sensor = segment_to_sensor(v.position, at);
     let d = to_sensor.length;
     let w = to_sensor.direction;
-    var tau = travel_time(v.tau, optical_length(v, w, d), 0.0);
+    var sensor_tau = 0.0;
+    if (HAS_APERTURE) {
+        sensor_tau = SURROUNDING_GROUP_INDEX * lens_path(to_lens(chief), at);
+    }
+    var tau = travel_time(v.tau, optical_length(v, w, d), sensor_tau);
     let counted = gate_weight_before_delays(tau);
     if (counted == 0.0) {
         return;
@@ -42,7 +52,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let cosine = dot(-w, frame.forward);
     // Turns flux per area into mean radiance of the pixel (box filter). The factor is 1 / (d^2 pixel_area cos^3) for a pinhole.
     // It is 1 / pixel_area for an orthographic camera, because its rays do not spread.
-    let density = pixel_pdf(cosine, -w);
+    let density = pixel_pdf(cosine, chief);
     let spread = select(d * d, 1.0, HAS_ORTHOGRAPHIC);
     // The only copy of a deterministic vertex carries the whole power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);

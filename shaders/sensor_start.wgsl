@@ -17,7 +17,15 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let sensor = sensor_sample(slot);
     let u = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_PIXEL, sensor.seed);
-    let ray = camera_ray(sensor.pixel, u);
+    var ray = camera_ray(sensor.pixel, u);
+    let chief = ray.direction;
+    var lens_length = 0.0;
+    if (HAS_APERTURE) {
+        let at = aperture_point(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_APERTURE, sensor.seed));
+        let to = to_lens(chief);
+        ray = CameraRay(ray.origin + from_lens(vec3<f32>(at, 0.0)), from_lens(focused_ray(to, at)));
+        lens_length = lens_path(to, at);
+    }
     let length2 = dot(ray.direction, ray.direction);
     let direction = ray.direction * inverseSqrt(length2);
 
@@ -25,6 +33,9 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.position = ray.origin;
     s.tau = 0.0;
     // A scanning sensor shortens the travel times of each pixel by a length of its own (`aims` in camera.wgsl).
+    if (HAS_APERTURE) {
+        s.tau = SURROUNDING_GROUP_INDEX * lens_length;
+    }
     if (HAS_AIMS && !HAS_OWN_LASERS) {
         s.tau = -SURROUNDING_GROUP_INDEX * load_aim(sensor.pixel).w;
     }
@@ -43,7 +54,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     s.shift = vec3<f32>(0.0);
     s.triangle = NONE;
-    start_sensor_sums(&s, inverseSqrt(length2));
+    start_sensor_sums(&s, inverseSqrt(length2), chief);
     states[slot] = s;
     radiance[slot] = vec4<f32>(0.0);
     tallies[slot] = vec4<u32>(0u);

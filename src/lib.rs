@@ -64,8 +64,8 @@ pub use job::{Frame, Job};
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{
-    Aim, AlphaMode, Camera, DensityGrid, Distortion, GridFilter, Image, Instance, Lens, Light, LightKind, Material,
-    Medium, Mesh, PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, UnusableCamera, Wrap,
+    Aim, AlphaMode, Aperture, Camera, DensityGrid, Distortion, GridFilter, Image, Instance, Lens, Light, LightKind,
+    Material, Medium, Mesh, PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, UnusableCamera, Wrap,
 };
 pub use settings::SettingsBuilder;
 pub use settings::frequencies::Frequencies;

@@ -51,7 +51,7 @@ fn camera_ray(pixel: vec2<u32>, u: vec2<f32>) -> CameraRay {
     }
     if (has_lens()) {
         let to = lens_direction(vec2<f32>(x, -y));
-        return CameraRay(frame.sensor, to.x * frame.right - to.y * frame.up + to.z * frame.forward);
+        return CameraRay(frame.sensor, from_lens(to));
     }
     return CameraRay(frame.sensor, frame.forward + x * frame.right + y * frame.up);
 }
@@ -89,16 +89,21 @@ fn pixel_seed(pixel: vec2<u32>) -> u32 {
 }
 
 // Density of camera rays that are sampled uniformly over the area of one pixel: per solid angle for a pinhole, per area
-// perpendicular to the rays for an orthographic camera. `cosine` is the cosine of the angle to the camera axis, and `d` the unit
-// direction of the ray, which counts only if there is a lens.
-fn pixel_pdf(cosine: f32, d: vec3<f32>) -> f32 {
+// perpendicular to the rays for an orthographic camera. `cosine` is the cosine of the angle of the ray to the camera axis. `chief` is the
+// direction through the centre of the lens, which counts only if the lens distorts.
+fn pixel_pdf(cosine: f32, chief: vec3<f32>) -> f32 {
     if (HAS_ORTHOGRAPHIC) {
         return 1.0 / frame.pixel_area;
     }
     if (has_lens()) {
-        return lens_spread(to_lens(d)) / frame.pixel_area;
+        return lens_spread(to_lens(chief), cosine) / frame.pixel_area;
     }
     return 1.0 / (frame.pixel_area * cosine * cosine * cosine);
+}
+
+// The inverse of `to_lens`.
+fn from_lens(to: vec3<f32>) -> vec3<f32> {
+    return to.x * frame.right - to.y * frame.up + to.z * frame.forward;
 }
 
 // Index, row-major over the crop, of the pixel that sees the point at the offset `d` from `frame.sensor`. NONE if the point is
@@ -130,18 +135,23 @@ fn pixel_of(d: vec3<f32>) -> u32 {
     return (u32(y) - frame.crop_y) * frame.crop_width + u32(x) - frame.crop_x;
 }
 
-// The segment along which the sensor sees the point `p`.
-fn segment_to_sensor(p: vec3<f32>) -> SensorSegment {
+// The segment along which the sensor sees the point `p`, through the point `at` of the aperture if there is one.
+fn segment_to_sensor(p: vec3<f32>, at: vec2<f32>) -> SensorSegment {
     let from_sensor = p - frame.sensor;
     if (HAS_ORTHOGRAPHIC) {
         let z = dot(from_sensor, frame.forward);
         return SensorSegment(p - z * frame.forward, -frame.forward, z);
     }
+    if (HAS_APERTURE) {
+        let aside = from_lens(vec3<f32>(at, 0.0));
+        let d = length(from_sensor - aside);
+        return SensorSegment(frame.sensor + aside, (aside - from_sensor) / d, d);
+    }
     let d = length(from_sensor);
     return SensorSegment(frame.sensor, -from_sensor / d, d);
 }
 
-// The point of the sensor that is nearest to `p`. The whole film counts, not only the crop.
+// The point of the sensor that is nearest to `p`; of an aperture, its centre. The whole film counts, not only the crop.
 fn nearest_sensor_point(p: vec3<f32>) -> vec3<f32> {
     if (!HAS_ORTHOGRAPHIC) {
         return frame.sensor;

@@ -101,9 +101,10 @@ struct Frame {
     lens_rest: vec4<f32>,
     // The largest tangent of the angle to the view that the lens images; with HAS_FISHEYE the largest angle.
     lens_limit: f32,
-    pad0: f32,
-    pad1: f32,
-    pad2: f32,
+    // With HAS_APERTURE: radius of the aperture, 1 over the distance in focus (0 at infinity), and number of blades (0: a disc).
+    lens_radius: f32,
+    inverse_focus: f32,
+    blades: u32,
 }
 
 // Parameters of one dispatch.
@@ -199,6 +200,8 @@ override HAS_ORTHOGRAPHIC: bool = false;
 // Whether a lens moves the points of the image: by the rational model of OpenCV, or as a fisheye (lens.wgsl). At most one is true.
 override HAS_DISTORTION: bool = false;
 override HAS_FISHEYE: bool = false;
+// Whether the lens has an aperture, so that only points at one distance are in focus. Not with HAS_FISHEYE.
+override HAS_APERTURE: bool = false;
 // Whether each pixel looks at a point of its own (`aims` in camera.wgsl).
 override HAS_AIMS: bool = false;
 // Whether each pixel also has a laser of its own, as the beams of a LiDAR have. The only light is a spot at the sensor, and its axis is

@@ -84,13 +84,50 @@ fn lens_image(to: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(distort(to.xy / to.z).point, 1.0);
 }
 
-// Area of the image per solid angle around the unit direction `to`.
-fn lens_spread(to: vec3<f32>) -> f32 {
+// Area of the image per solid angle of the rays that form it. `to`: the direction through the centre of the lens. `cosine`: the cosine of
+// the angle between the ray and the view; it differs from that of `to` if the ray passes the lens off its centre.
+fn lens_spread(to: vec3<f32>, cosine: f32) -> f32 {
     if (HAS_FISHEYE) {
-        let aside = length(to.xy);
-        let found = fisheye_distance(atan2(aside, to.z));
+        let unit = normalize(to);
+        let aside = length(unit.xy);
+        let found = fisheye_distance(atan2(aside, unit.z));
         // On the axis, the distance over the sine is 1.
         return found.y * select(1.0, found.x / aside, aside > 1e-6);
     }
-    return determinant_of(distort(to.xy / to.z)) / (to.z * to.z * to.z);
+    return determinant_of(distort(to.xy / to.z)) / (cosine * cosine * cosine);
+}
+
+// A point of the aperture relative to its centre, x to the right and y down, uniform over its area: a disc, or the regular polygon of the
+// blades, whose corners lie on the rim of the disc.
+fn aperture_point(u: vec2<f32>) -> vec2<f32> {
+    let r = frame.lens_radius * sqrt(u.x);
+    if (frame.blades == 0u) {
+        return r * cosine_and_sine(2.0 * PI * u.y);
+    }
+    let blades = f32(frame.blades);
+    let blade = min(floor(u.y * blades), blades - 1.0);
+    let first = cosine_and_sine(2.0 * PI * blade / blades);
+    let second = cosine_and_sine(2.0 * PI * (blade + 1.0) / blades);
+    return r * mix(first, second, u.y * blades - blade);
+}
+
+// The direction from the point `at` of the aperture to the point in focus in the direction `chief`, whose z is 1. Its z is 1 too.
+fn focused_ray(chief: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
+    return chief - vec3<f32>(at * frame.inverse_focus, 0.0);
+}
+
+// The direction from the centre of the lens to the point in focus that the ray from the point `at` of the aperture along `to` passes. Its
+// z is 1. 0 if the ray goes backwards.
+fn chief_ray(to: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
+    if (to.z <= 0.0) {
+        return vec3<f32>(0.0);
+    }
+    return vec3<f32>(at * frame.inverse_focus + to.xy / to.z, 1.0);
+}
+
+// A lens delays all rays of a point in focus alike (Fermat), so the travel time of a ray is counted as if it passed the centre of the lens:
+// the length by which the way to the point in focus is longer from there than from the point `at`.
+fn lens_path(chief: vec3<f32>, at: vec2<f32>) -> f32 {
+    let difference = 2.0 * dot(chief.xy, at) - dot(at, at) * frame.inverse_focus;
+    return difference / (length(chief) + length(focused_ray(chief, at)));
 }

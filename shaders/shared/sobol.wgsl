@@ -11,6 +11,8 @@ const PAIR_LOBE: u32 = 2u;
 const PAIR_FLIGHT: u32 = 3u;
 // The choice of passing the first and the second sheet of thin glass.
 const PAIR_SHEET: u32 = 4u;
+// The point of the aperture.
+const PAIR_APERTURE: u32 = 5u;
 
 // Nested uniform (Owen) scrambling: flips each binary digit by a hash of the higher digits (Laine and Karras 2011, with the
 // constants of Vegdahl 2021). In each step below, the change of a bit depends only on lower bits of the reversed word, which are

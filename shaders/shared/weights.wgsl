@@ -37,10 +37,10 @@ fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
 }
 
 // Partial sums of a sensor subpath's first segment (Eqs. 33 and 34): d_vcm is the term of t = 1. `cosine` is the cosine of the
-// angle between the segment and the camera axis. The first segment of an orthographic camera has PATH_PARALLEL, so the density
+// angle between the segment and the camera axis, and `chief` as in `pixel_pdf`. The first segment of an orthographic camera has PATH_PARALLEL, so the density
 // per area of its end point does not fall with the distance.
-fn start_sensor_sums(s: ptr<function, PathState>, cosine: f32) {
-    (*s).d_vcm = frame.keep_t1 * mis(frame.splat_sample_count / pixel_pdf(cosine, (*s).direction));
+fn start_sensor_sums(s: ptr<function, PathState>, cosine: f32, chief: vec3<f32>) {
+    (*s).d_vcm = frame.keep_t1 * mis(frame.splat_sample_count / pixel_pdf(cosine, chief));
     (*s).d_vc = 0.0;
 }
 

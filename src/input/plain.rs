@@ -175,7 +175,7 @@ mod tests {
                 "[medium]\ng = 0.8\nphase-g = 0.8",
                 "[medium] has the key phase-g twice (g is an old name of it): remove one",
             ),
-            ("[camera]\nf_number = 2.8", "[camera] has no key f-number: cameras are pinholes or orthographic"),
+            ("[camera]\nf_number = 2.8", "[camera] has no key f-number: give the diameter of the lens with --aperture"),
             ("[camera]\nlaser = [1, 2, 3]", "[camera] has no key laser: it belongs to [scan]"),
             ("pixel-fov = 3", "the file has no key pixel-fov: it belongs to [scan]"),
             ("[camera]\npower = 3", "[camera] has no key power: choose one of camera"),

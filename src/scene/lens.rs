@@ -13,6 +13,21 @@ pub struct Lens {
     pub pixel_aspect: f64,
     /// Where the lens moves the points of the image.
     pub distortion: Distortion,
+    /// Its aperture; `None` for a pinhole, whose image is sharp at all distances.
+    pub aperture: Option<Aperture>,
+}
+
+/// The aperture of a thin lens. A pixel measures the mean radiance of the rays from all points of the aperture to the point in focus.
+/// Travel times are those of rays through the centre of the lens, because a lens delays all rays of a point in focus alike: the path from the
+/// point l of the aperture counts for |P - c| - |P - l| more, with the centre c and the point in focus P of its pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aperture {
+    /// Diameter in metres, > 0.
+    pub diameter: f64,
+    /// Distance of the plane in focus from the lens along the view, in metres, > 0. It may be infinite.
+    pub focus: f64,
+    /// Number of blades, at least 3: the aperture is a regular polygon whose corners lie on the circle of this diameter. 0: a disc.
+    pub blades: u32,
 }
 
 /// Where a lens moves the points of the image, as OpenCV defines it. A point P in front of the camera, with X to the right, Y down and
@@ -34,6 +49,8 @@ pub enum Distortion {
     Fisheye([f64; 4]),
 }
 
+/// Maximum number of blades of an aperture.
+const MAX_BLADES: u32 = 64;
 /// Number of Newton steps that invert a lens, as in `shared/lens.wgsl`.
 const STEPS: usize = 10;
 /// Maximum error of the inverse, in focal lengths.
@@ -45,7 +62,33 @@ const CHECKED: usize = 48;
 
 impl Lens {
     /// No lens.
-    pub const PINHOLE: Lens = Lens { pixel_aspect: 1.0, distortion: Distortion::None };
+    pub const PINHOLE: Lens = Lens { pixel_aspect: 1.0, distortion: Distortion::None, aperture: None };
+}
+
+impl Aperture {
+    /// Whether a lens with this distortion can have this aperture. The error is a clause that follows the name of the camera.
+    pub(super) fn check(&self, distortion: &Distortion) -> Checked {
+        let Aperture { diameter, focus, blades } = *self;
+        if !(diameter > 0.0 && diameter.is_finite() && focus > 0.0) {
+            return Err(format!(
+                "has an aperture of {diameter} m with the focus at {focus} m; use a positive diameter, and a positive focus"
+            ));
+        }
+        if !(blades == 0 || (3..=MAX_BLADES).contains(&blades)) {
+            return Err(format!("has an aperture of {blades} blades; use 3 to {MAX_BLADES}, or 0 for a disc"));
+        }
+        if diameter > focus {
+            return Err(format!(
+                "has its focus, at {focus} m, nearer than the width of its aperture, {diameter} m; focus farther away"
+            ));
+        }
+        if matches!(distortion, Distortion::Fisheye(_)) {
+            return Err(
+                "has a fisheye lens with an aperture, which taugate does not know; leave the aperture out".into()
+            );
+        }
+        Ok(())
+    }
 }
 
 impl Distortion {

@@ -24,7 +24,7 @@ use std::collections::BTreeSet;
 use glam::{BVec3, DAffine2, DAffine3, DVec3, Vec3};
 
 pub use camera::{Aim, Camera, Projection};
-pub use lens::{Distortion, Lens};
+pub use lens::{Aperture, Distortion, Lens};
 pub use light::{Light, LightKind};
 pub(crate) use light::{MAX_DISTANT, cap_height, spot_solid_angle};
 pub use material::{AlphaMode, Material, Retroreflector};

@@ -6,8 +6,10 @@ use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::scene::Distortion;
+use crate::settings::numbers::number;
 use crate::settings::setting::value_from_text;
 use crate::settings::typed::{Typed, typed};
+use crate::settings::units::length;
 
 /// The distortion of a lens. Text: `k1,k2,p1,p2`, then optionally k3, and k4,k5,k6; or `fisheye:k1,k2,k3,k4`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,6 +98,44 @@ typed! { LensDistortion, "expected coefficients like [-0.28, 0.09, 0.001, 0], or
 
 value_from_text!(LensDistortion);
 
+/// The diameter of an aperture in metres: a length such as `8mm`, or an f-number and a focal length, `f/2.8@35mm`.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct ApertureDiameter(pub f64);
+
+impl FromStr for ApertureDiameter {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<ApertureDiameter> {
+        let wrong = |remedy: &str| Error::advice(format!("'{text}' is no aperture: "), remedy);
+        let metres = |text: &str| length(text).filter(|metres| *metres > 0.0 && metres.is_finite());
+        let diameter = match text.trim().strip_prefix("f/") {
+            None => metres(text),
+            Some(ratio) => {
+                let (number, focal) = ratio.split_once('@').ok_or_else(|| {
+                    wrong("an f-number alone has no diameter; add the focal length, like f/2.8@35mm, or write the diameter, like 12mm")
+                })?;
+                let number = number.trim().parse().ok().filter(|number| *number > 0.0);
+                metres(focal).zip(number).map(|(focal, number): (f64, f64)| focal / number)
+            }
+        };
+        diameter.map(ApertureDiameter).ok_or_else(|| {
+            wrong("write its diameter with a unit, like 8mm, or an f-number and the focal length, like f/2.8@35mm")
+        })
+    }
+}
+
+typed! { ApertureDiameter, "expected a diameter like \"8mm\", or \"f/2.8@35mm\"":
+    Typed::Text(text) => text.parse(),
+    Typed::Number(metres) => format!("{metres}m").parse(),
+}
+
+number! { "expected a number of metres, like 2.5":
+    /// The distance of the plane in focus from the camera in metres, more than 0; it may be infinite.
+    Focus, |metres| metres > 0.0, "a distance in focus", "write metres above 0, like 2.5, or inf";
+}
+
+value_from_text!(ApertureDiameter);
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -119,6 +159,17 @@ mod tests {
         }
         assert!(message("fisheye:1,2,3").contains("write its four coefficients"));
         assert!(message("1,2,3,4,5,6,7,8,1,0,0,0").contains("thin prisms"));
+    }
+
+    #[test]
+    fn apertures_are_diameters_or_f_numbers_with_a_focal_length() {
+        let metres = |text: &str| text.parse::<ApertureDiameter>().map(|diameter| diameter.0);
+        assert_eq!(metres("8mm").unwrap(), 0.008);
+        assert!((metres("f/2.8@35mm").unwrap() - 0.0125).abs() < 1e-12);
+        assert!(metres("f/2.8").unwrap_err().to_string().contains("add the focal length"));
+        for text in ["8", "-1mm", "f/0@35mm", "f/2@", "wide", "infm"] {
+            assert!(metres(text).unwrap_err().to_string().contains("like 8mm"), "{text}");
+        }
     }
 
     #[test]

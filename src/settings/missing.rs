@@ -1,21 +1,22 @@
-//! Settings that other renderers have and taugate lacks.
+//! Settings that other renderers have, and taugate lacks or calls by another name.
 
-/// Why there is no setting `name` (with dashes), and what to do instead, as a clause that names `docs/LIMITS.md`. `None` for all other
-/// names.
+/// Why there is no setting `name` (with dashes), and what to do instead, as a clause. It names `docs/LIMITS.md` if taugate lacks the
+/// setting. `None` for all other names.
 pub fn reason(name: &str) -> Option<&'static str> {
     Some(match name {
         "shutter" | "shutter-open" | "shutter-close" | "shutter-speed" | "exposure-time" | "motion-blur" => {
             "the shutter is open for an instant, so render several moments with --at and average them (docs/LIMITS.md)"
         }
-        "f-number" | "f-stop" | "fstop" | "aperture" | "aperture-radius" | "focus" | "focus-distance"
-        | "focal-distance" | "lens" | "lens-radius" | "depth-of-field" | "dof" | "vignetting" => {
-            "cameras are pinholes or orthographic, so blur the image of a lens yourself (docs/LIMITS.md)"
+        "f-number" | "f-stop" | "fstop" | "aperture-radius" | "focus-distance" | "focal-distance" | "lens"
+        | "lens-radius" | "depth-of-field" | "dof" => {
+            "give the diameter of the lens with --aperture, like 8mm or f/2.8@35mm, and the distance in focus with --focus"
         }
-        "distortion" | "lens-distortion" | "k1" | "k2" | "fisheye" => {
-            "cameras are pinholes or orthographic, so distort the image of a lens yourself (docs/LIMITS.md)"
+        "vignetting" => "lenses have no vignetting, so darken the corners of the image yourself (docs/LIMITS.md)",
+        "lens-distortion" | "k1" | "k2" | "fisheye" => {
+            "give the coefficients of the lens with --distortion, or the file of a calibration with --calibration"
         }
         "focal-length" | "sensor-width" | "sensor-height" => {
-            "give the vertical field of view in degrees with --fov; a lens is not simulated (docs/LIMITS.md)"
+            "give the vertical field of view in degrees with --fov, or focal lengths in pixels with --camera-matrix"
         }
         "iso" | "gain" | "noise" | "read-noise" | "quantum-efficiency" => {
             "pixels measure radiance, and taugate detect draws the counts of a detector, with --photons, --efficiency and --dark-counts (docs/LIMITS.md)"
@@ -31,8 +32,11 @@ mod tests {
 
     #[test]
     fn no_setting_counts_as_missing() {
-        for name in ["shutter", "f-number", "focus", "distortion", "focal-length", "iso"] {
-            assert!(reason(name).is_some_and(|reason| reason.contains("docs/LIMITS.md")), "{name}");
+        for name in ["shutter", "f-number", "vignetting", "fisheye", "focal-length", "iso"] {
+            assert!(
+                reason(name).is_some_and(|reason| reason.contains("docs/LIMITS.md") || reason.contains("--")),
+                "{name}"
+            );
             assert!(home_of(name).is_none(), "{name} is a setting");
         }
         assert!(reason("spp").is_none());

@@ -71,6 +71,13 @@ fn a_lens_that_cannot_be_is_refused_with_the_remedy() {
     render(&["--distortion", "0,0,0,0", "--ortho", "2"], "--ortho");
     render(&["--calibration", "camera.yml", "--camera-matrix", "1,1,0,0"], "--camera-matrix");
     render(&["--calibration", "missing.yml"], "missing.yml");
+    render(&["--aperture", "f/2.8", "--focus", "3"], "add the focal length");
+    render(&["--aperture", "8mm"], "give --focus too");
+    render(&["--focus", "3"], "give --aperture too");
+    render(&["--aperture", "8m", "--focus", "3"], "focus farther away");
+    render(&["--aperture", "8mm", "--focus", "3", "--blades", "2"], "use 3 to 64");
+    let fisheye = ["--distortion", "fisheye:0,0,0,0", "--aperture", "8mm", "--focus", "3"];
+    render(&fisheye, "leave the aperture out");
     std::fs::write(here.path().join("wrong.yml"), "a: 1\n").unwrap();
     render(&["--calibration", "wrong.yml"], "does not have one camera matrix");
     std::fs::write(here.path().join("unsized.json"), r#"{"K": [60, 61, 31.5, 24], "D": [0, 0, 0, 0]}"#).unwrap();

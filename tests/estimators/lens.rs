@@ -52,7 +52,7 @@ fn scene(distortion: Distortion) -> Scene {
     camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 1.0, SIZE);
     let camera = &mut scene.cameras[0];
     camera.projection = Projection::Perspective { yfov: 2.0 * (0.5 * height / MATRIX[1]).atan() };
-    camera.lens = Lens { pixel_aspect: MATRIX[1] / MATRIX[0], distortion };
+    camera.lens = Lens { pixel_aspect: MATRIX[1] / MATRIX[0], distortion, aperture: None };
     camera.principal_point = [(MATRIX[2] + 0.5) / width, (MATRIX[3] + 0.5) / height];
     scene
 }

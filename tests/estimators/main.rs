@@ -1,6 +1,7 @@
 //! Whole renders, compared with closed forms, with each other and with the oracle; and renders that must agree bit for bit.
 
 mod agreement;
+mod aperture;
 mod beam_in_fog;
 mod camera;
 mod caustics;

@@ -24,7 +24,7 @@ const TO_SENSOR: ShaderFunction = ShaderFunction {
     input: "p: vec2<f32>, distance: f32, pad: f32",
     result: "origin: vec3<f32>, length: f32, direction: vec3<f32>, pdf: f32, end: vec3<f32>, pixel: u32, nearest: vec3<f32>, pad: u32",
     body: "let ray = camera_ray(vec2<u32>(0u), input.p); let point = ray.origin + input.distance * ray.direction;
-        let to_sensor = segment_to_sensor(point);
+        let to_sensor = segment_to_sensor(point, vec2<f32>(0.0));
         result.origin = ray.origin; result.direction = to_sensor.direction; result.length = to_sensor.length;
         result.end = to_sensor.end; result.nearest = nearest_sensor_point(point); result.pdf = pixel_pdf(0.5, frame.forward);
         result.pixel = pixel_of(point - frame.sensor);",

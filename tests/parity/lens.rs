@@ -15,7 +15,7 @@ const RAY: ShaderFunction = ShaderFunction {
     imports: &["camera"],
     input: "p: vec2<f32>, pad: vec2<f32>",
     result: "d: vec3<f32>, pdf: f32, pixel: u32, pad0: u32, pad1: u32, pad2: u32",
-    body: "result.d = normalize(camera_ray(vec2<u32>(0u), input.p).direction); result.pdf = pixel_pdf(0.5, result.d);
+    body: "result.d = normalize(camera_ray(vec2<u32>(0u), input.p).direction); result.pdf = pixel_pdf(-result.d.z, result.d);
         result.pixel = pixel_of(3.0 * result.d);",
 };
 

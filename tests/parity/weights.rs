@@ -28,7 +28,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         var lights: array<PathVertex, 6>; var sensors: array<PathVertex, 6>;
         // Scattering towards the next vertex of the path. Each kind has one call, because calls of BSDFs take long to compile.
         var to_sensor: array<Evaluation, 6>; var to_emitter: array<Evaluation, 6>;
-        let seen = segment_to_sensor(path.place[k - 1u].xyz);
+        let seen = segment_to_sensor(path.place[k - 1u].xyz, vec2<f32>(0.0));
         for (var i = 0u; i < 12u; i++) { result.weights[i] = -1.0; }
 
         // From the emitter.
@@ -86,7 +86,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         // From the sensor.
         var sensor: PathState; sensor.eta = 1.0; sensor.position = seen.end; sensor.direction = -seen.direction;
         if (HAS_ORTHOGRAPHIC) { sensor.flags = PATH_PARALLEL; }
-        start_sensor_sums(&sensor, dot(sensor.direction, frame.forward));
+        start_sensor_sums(&sensor, dot(sensor.direction, frame.forward), sensor.direction);
         for (var n = 0u; n < k; n++) {
             let j = k - 1u - n;
             if (from_sky && j == 0u) {

@@ -6,9 +6,9 @@ use super::calibration::{self, Calibration};
 use crate::error::{Error, Result};
 use crate::input::resolve::find_camera;
 use crate::scene::build::{look, look_upright};
-use crate::scene::{Camera, Lens, Projection, Scene};
+use crate::scene::{Aperture, Camera, Lens, Projection, Scene};
 use crate::settings::check_resolution;
-use crate::settings::lens::LensDistortion;
+use crate::settings::lens::{ApertureDiameter, Focus, LensDistortion};
 use crate::settings::numbers::{Fov, Height, Numbers};
 use crate::settings::table::CameraTable;
 use crate::settings::values::Resolution;
@@ -79,6 +79,21 @@ fn apply_lens(table: &CameraTable, camera: &mut Camera, is_calibrated: bool) -> 
     if let Some(LensDistortion(distortion)) = table.distortion {
         camera.lens.distortion = distortion;
     }
+    camera.lens.aperture = match (table.aperture, table.focus, table.blades) {
+        (Some(ApertureDiameter(diameter)), Some(Focus(focus)), blades) => {
+            Some(Aperture { diameter, focus, blades: blades.unwrap_or(0) })
+        }
+        (Some(_), None, _) => {
+            return Err(Error::advice(
+                "an aperture is in focus at one distance: ",
+                "give --focus too, in metres, or inf",
+            ));
+        }
+        (None, None, None) => camera.lens.aperture,
+        (None, ..) => {
+            return Err(Error::advice("--focus and --blades belong to an aperture: ", "give --aperture too, like 8mm"));
+        }
+    };
     let Some(Numbers([fx, fy, cx, cy])) = table.camera_matrix else { return Ok(()) };
     let setting = if is_calibrated { "--calibration" } else { "--camera-matrix" };
     let Some([width, height]) = table.resolution.map(|Resolution(size)| size).or(camera.resolution) else {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Plan;
-use crate::scene::{Aim, Camera, Distortion};
+use crate::scene::{Aim, Aperture, Camera, Distortion};
 
 /// The kind of camera that the kernels are compiled for.
 #[derive(Clone, Copy, PartialEq)]
@@ -14,6 +14,7 @@ pub(super) struct CameraKind {
     pub aims: usize,
     pub has_distortion: bool,
     pub has_fisheye: bool,
+    pub has_aperture: bool,
 }
 
 impl CameraKind {
@@ -24,16 +25,18 @@ impl CameraKind {
             aims,
             has_distortion: matches!(camera.lens.distortion, Distortion::Rational { .. }),
             has_fisheye: matches!(camera.lens.distortion, Distortion::Fisheye(_)),
+            has_aperture: camera.lens.aperture.is_some(),
         }
     }
 
     /// Values of the WGSL `override` constants that depend on the kind alone.
-    pub fn constants(self) -> [(&'static str, bool); 4] {
+    pub fn constants(self) -> [(&'static str, bool); 5] {
         [
             ("HAS_ORTHOGRAPHIC", self.is_orthographic),
             ("HAS_AIMS", self.aims > 0),
             ("HAS_DISTORTION", self.has_distortion),
             ("HAS_FISHEYE", self.has_fisheye),
+            ("HAS_APERTURE", self.has_aperture),
         ]
     }
 }
@@ -79,6 +82,14 @@ impl Plan {
         self.sensor_corners = camera.corners([frame.width, frame.height]).map(|corner| self.space.point(corner));
         self.uncounted =
             camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.uncounted).fold(0.0, f64::max);
+        (frame.lens_radius, frame.inverse_focus, frame.blades) = (0.0, 0.0, 0);
+        if let Some(Aperture { diameter, focus, blades }) = camera.lens.aperture {
+            frame.lens_radius = self.space.length(0.5 * diameter) as f32;
+            frame.inverse_focus = (1.0 / self.space.length(focus)) as f32;
+            frame.blades = blades;
+            // A path may be shorter than through the centre of the lens, once because it begins nearer, once by its delay.
+            self.uncounted = diameter;
+        }
         true
     }
 }

@@ -90,9 +90,10 @@ impl Plan {
     }
 
     /// Whether events on the lines of beams are also drawn inside the gate, for connections to the sensor (t = 1). Not for
-    /// orthographic cameras: `gate_interval` takes the sensor as a point.
+    /// orthographic cameras and apertures: `gate_interval` takes the sensor as a point.
     pub fn draws_on_beams(&self) -> bool {
-        self.draws_in_gate() && self.splats && self.beam_share > 0.0 && !self.camera_kind.is_orthographic
+        let is_point = !self.camera_kind.is_orthographic && !self.camera_kind.has_aperture;
+        self.draws_in_gate() && self.splats && self.beam_share > 0.0 && is_point
     }
 
     /// Number of parts of the gate; a query kernel may choose a vertex for each part.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::settings::lens::LensDistortion;
+use crate::settings::lens::{ApertureDiameter, Focus, LensDistortion};
 use crate::settings::moment::Moment;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::setting::Taker::{Page, View};
@@ -16,7 +16,7 @@ table! {
     CameraTable = "camera" {
         /// Name of the camera in the scene; NAME#2 is the second camera of this name; auto: a view of the whole scene, slightly
         /// from above [default: the first camera, or auto if there is none]
-        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point", "camera-matrix", "distortion", "calibration"]);
+        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point", "camera-matrix", "distortion", "calibration", "aperture", "focus", "blades"]);
 
         /// Place of the camera in metres, instead of its own; without --look-at the camera looks at the centre of the scene
         look_from: Numbers<3>, Setting::scene("look-from", "X,Y,Z").form(Form::Signed).also(Page);
@@ -48,6 +48,16 @@ table! {
         /// Read --camera-matrix, --distortion and --resolution from the calibration file of a camera, as OpenCV, ROS and Kalibr write
         /// it (.yml, .yaml, .json)
         calibration: PathBuf, Setting::scene("calibration", "FILE").excludes(&["camera-matrix", "distortion", "fov", "ortho", "principal-point"], "set the view of the camera");
+
+        /// Aperture of the lens, as a diameter like 8mm, or as f-number and focal length like f/2.8@35mm; only points at --focus are
+        /// sharp [default: a pinhole]
+        aperture: ApertureDiameter, Setting::scene("aperture", "DIAMETER|f/N@LENGTH").excludes(&["ortho"], "set the view of the camera");
+
+        /// Distance in metres at which --aperture is in focus, along the view of the camera, or inf
+        focus: Focus, Setting::scene("focus", "DISTANCE");
+
+        /// Number of blades of --aperture, which is then a regular polygon [default: 0, a disc]
+        blades: u32, Setting::scene("blades", "N");
 
         /// Image size in pixels [default: the resolution of the camera, else 512 pixels wide]
         resolution: Resolution, Setting::scene("resolution", "WxH").also(Page);

@@ -54,6 +54,7 @@ const DEFAULTS: &[[&str; 5]] = &[
     ["look-from=3,2,9", "up", "0,1,0", "0,1,0", "1,0,0"],
     ["camera=none", "fov", "40", "40", "41"],
     ["camera=none", "principal-point", "0.5,0.5", "0.5,0.5", "0.4,0.5"],
+    ["aperture=8mm focus=2", "blades", "0", "0", "5"],
     ["camera=none", "resolution", "512 pixels wide", "512x512", "513x512"],
     ["", "emitters", "scene", "scene", "lamp"],
     ["headlamp=1", "headlamp-offset", "0,0,0", "0,0,0", "1,0,0"],
@@ -77,6 +78,7 @@ const DEFAULTS: &[[&str; 5]] = &[
 /// `light-paths`, `response` and `tev` are compared one by one; that of `grid-filter` needs a file.
 const DESCRIBED: &[&str] = &[
     "camera",
+    "aperture",
     "headlamp",
     "animation",
     "grid-filter",
