@@ -93,9 +93,11 @@ impl MemoryPlan {
         let copies: u64 = iteration.iter().filter(|desc| desc.read_back).map(|desc| desc.bytes).sum();
         let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
         let pixels = (PIXEL_BYTES + if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 }) * plan.crop_pixels;
+        // Each iteration in flight has light vertices on the host.
+        let pools = u64::from(info.drive.in_flight);
         let host_bytes = PROGRAM_BYTES
             + scene_bytes(scene)
-            + (BUILD_BYTES * triangles).max(flat + on_host + pixels + VERTEX_BYTES * u64::from(vertices));
+            + (BUILD_BYTES * triangles).max(flat + on_host + pixels + pools * VERTEX_BYTES * u64::from(vertices));
         let certain = certain_buffers(info, &plan, prepared);
         Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, certain, plan })
     }
