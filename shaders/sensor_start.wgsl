@@ -32,10 +32,10 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     var s: PathState;
     s.position = ray.origin;
     s.tau = 0.0;
-    // A scanning sensor shortens the travel times of each pixel by a length of its own (`aims` in camera.wgsl).
     if (HAS_APERTURE) {
         s.tau = SURROUNDING_GROUP_INDEX * lens_length;
     }
+    // A scanning sensor shortens the travel times of each pixel by a length of its own (`aims` in camera.wgsl).
     if (HAS_AIMS && !HAS_OWN_LASERS) {
         s.tau = -SURROUNDING_GROUP_INDEX * load_aim(sensor.pixel).w;
     }

@@ -36,15 +36,15 @@ pub struct Aperture {
 pub enum Distortion {
     /// The pinhole.
     None,
-    /// The rational model: x (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), and the same
-    /// for y with p1 and p2 exchanged.
+    /// The rational model. With f = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6), the image is at
+    /// x f + 2 p1 x y + p2 (r^2 + 2 x^2) and y f + p1 (r^2 + 2 y^2) + 2 p2 x y.
     Rational {
         /// k1 to k6.
         radial: [f64; 6],
         /// p1 and p2.
         tangential: [f64; 2],
     },
-    /// The fisheye of Kannala and Brandt: k1 to k4. The image of a direction at the angle a to the view lies at the distance
+    /// The fisheye of Kannala and Brandt: k1 to k4. A direction has the angle a to the view. Its image lies at the distance
     /// a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8) from the principal point. Angles may exceed 90 degrees.
     Fisheye([f64; 4]),
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use yaml_rust2::parser::{Event, Parser};
 
 use crate::error::{Error, Result};
+use crate::files::{check_readable, read_error};
 use crate::settings::lens::LensDistortion;
 
 /// What a calibration says of a camera.
@@ -29,12 +30,10 @@ const COEFFICIENTS: [&str; 5] = ["distortion_coefficients", "dist_coeffs", "dist
 /// Reads the calibration of one camera.
 pub fn read(path: &Path) -> Result<Calibration> {
     let wrong = |why: String| Error::settings(format!("{}: {why}", path.display()));
-    let failed =
-        |e: std::io::Error| wrong(format!("{e}; give the calibration file of a camera (.yml, .yaml or .json)"));
-    if std::fs::metadata(path).map_err(failed)?.len() > MAX_BYTES {
+    if check_readable(path)? > MAX_BYTES {
         return Err(wrong("it is larger than 1 MiB, which no calibration is; give the file of one camera".into()));
     }
-    parse(&std::fs::read_to_string(path).map_err(failed)?).map_err(wrong)
+    parse(&std::fs::read_to_string(path).map_err(|e| read_error(path, e))?).map_err(wrong)
 }
 
 fn parse(text: &str) -> Result<Calibration, String> {

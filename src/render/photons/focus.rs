@@ -21,9 +21,10 @@ const REACH: f64 = 1.0;
 const COARSE: f64 = 1.5;
 /// Maximum number of rounds, each of which halves the size of useful pieces.
 const MAX_ROUNDS: u32 = 12;
-/// Photons that start from pieces whose light can be scattered towards what the camera sees, over those that start from useful pieces; less
-/// if they receive less light. And photons from all other pieces, because the search may miss light.
+/// Photons over those of useful pieces, from pieces whose light can be scattered towards what the camera sees. Fewer if these pieces receive
+/// less light.
 const FACING: f64 = 0.25;
+/// The same for all other pieces, because the search may miss light.
 const OTHERS: f64 = 1.0 / 9.0;
 /// Pieces are tested against this many places that the camera sees.
 const FACED: usize = 64;
