@@ -20,6 +20,9 @@ function turned(vector, axis, angle) {
 const UP = [0, 1, 0];
 /** A camera is level if the sine of its roll is smaller than this. */
 const LEVEL = 1e-4;
+/** Cosine of the angle to the vertical above which a view needs the setting `up`: without it, the program turns steep views (of a cosine
+ * above 0.999) upright towards +Z. */
+const STEEP = 0.99;
 
 const isLevel = (camera, axis) => Math.abs(dot(frameOf(camera).right, axis)) < LEVEL;
 
@@ -109,15 +112,17 @@ export function cameraOf({ camera, settings }) {
   return { ...camera, look_at: vector('look-at') ?? camera.look_at, vertical: verticalOf(camera, vector('up'), isPlaced) };
 }
 
+/** The setting `up` of `camera`; false for the default of the program, which is +Y unless the view is steep. */
+function upOf(camera) {
+  const { vertical } = camera;
+  if (!isLevel(camera, vertical)) return text(camera.up, 6);
+  const isDefault = length(add(vertical, UP, -1)) < 1e-6 && Math.abs(dot(frameOf(camera).forward, UP)) < STEEP;
+  return isDefault ? false : text(vertical, 6);
+}
+
 /** The change of settings that sets `camera`. */
 export function cameraChange(camera) {
-  const { vertical } = camera;
-  const change = {
-    'look-from': placeText(camera, 'look_from'),
-    'look-at': placeText(camera, 'look_at'),
-    // +Y is the default of the program, so a level camera needs no flag.
-    up: !isLevel(camera, vertical) ? text(camera.up, 6) : length(add(vertical, UP, -1)) < 1e-6 ? false : text(vertical, 6),
-  };
+  const change = { 'look-from': placeText(camera, 'look_from'), 'look-at': placeText(camera, 'look_at'), up: upOf(camera) };
   if (camera.ortho) change.ortho = String(Number(camera.ortho.toPrecision(6)));
   return change;
 }
