@@ -22,6 +22,11 @@ pub struct View {
     pixel_aspect: f64,
     /// Coefficients of the lens in the order of OpenCV: none, four of a fisheye, or eight.
     distortion: Vec<f64>,
+    /// Diameter of the aperture in metres; `None` for a pinhole.
+    aperture: Option<f64>,
+    /// Distance of the plane in focus in metres; `None` for infinity, and for a pinhole.
+    focus: Option<f64>,
+    blades: u32,
     /// Of the whole image.
     resolution: [u32; 2],
     /// x0, x1, y0, y1.
@@ -40,6 +45,9 @@ impl View {
             principal_point: *principal_point,
             pixel_aspect: lens.pixel_aspect,
             distortion: LensDistortion(lens.distortion).coefficients(),
+            aperture: lens.aperture.map(|aperture| aperture.diameter),
+            focus: lens.aperture.map(|aperture| aperture.focus).filter(|focus| focus.is_finite()),
+            blades: lens.aperture.map_or(0, |aperture| aperture.blades),
             resolution: settings.resolution(),
             crop: [crop.x0, crop.x1, crop.y0, crop.y1],
         })

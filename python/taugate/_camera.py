@@ -29,6 +29,9 @@ class Camera:
     height from the top left corner. ``crop`` (x0, x1, y0, y1) is the part that is rendered; ``None``: all. ``pixel_aspect`` is the width of
     a pixel over its height, ``K[1, 1] / K[0, 0]``. ``distortion`` has the coefficients of a lens in the order of OpenCV: k1, k2, p1, p2, then k3,
     then k4, k5, k6. With ``fisheye`` they are the four of ``cv2.fisheye``.
+
+    ``aperture`` is the diameter of a thin lens in metres; ``None`` for a pinhole. It is in focus ``focus`` metres along the view. ``blades``
+    makes it a regular polygon; 0: a disc. ``rays``, ``points`` and ``project`` belong to the centre of the lens.
     """
 
     world_from_camera: np.ndarray
@@ -41,6 +44,9 @@ class Camera:
     pixel_aspect: float = 1.0
     distortion: tuple[float, ...] = ()
     fisheye: bool = False
+    aperture: Optional[float] = None
+    focus: float = math.inf
+    blades: int = 0
 
     @classmethod
     def look_at(
@@ -110,6 +116,9 @@ class Camera:
             view.pixel_aspect,
             tuple(view.distortion),
             len(view.distortion) == 4,
+            view.aperture,
+            math.inf if view.focus is None else view.focus,
+            view.blades,
         )
 
     @property
@@ -184,6 +193,8 @@ class Camera:
                 view["distortion"] = f"fisheye:{numbers}" if self.fisheye else numbers
         else:
             view = {"fov": self.fov, "principal_point": tuple(self.principal_point)}
+        if self.aperture is not None:
+            view |= {"aperture": self.aperture, "focus": self.focus, "blades": self.blades}
         if self.crop and tuple(self.crop) != (0, self.resolution[0], 0, self.resolution[1]):
             view["crop"] = tuple(self.crop)
         return {

@@ -49,11 +49,11 @@ class Sensors(Values):
         else:
             if near > NEAR:
                 self.note(f"near_clip of the sensor '{name}' is left out")
-            if kind == "ThinLensCamera":
-                self.note(f"the lens of the sensor '{name}' becomes a pinhole")
             half = math.tan(math.radians(self.number(values, "x_fov")) / 2) * height / width
             offsets = [self.number(values, f"principal_point_offset_{axis}") for axis in "xy"]
             view = {"fov": math.degrees(2 * math.atan(half)), "principal_point": tuple(0.5 - offset for offset in offsets)}
+            if kind == "ThinLensCamera":
+                view |= {"aperture": 2 * self.number(values, "aperture_radius"), "focus": self.number(values, "focus_distance")}
         filter = kind_of(sensor.film().rfilter())
         if filter != "BoxFilter":
             self.note(f"the filter of the sensor '{name}', a {filter}, becomes a box of one pixel")

@@ -23,6 +23,9 @@ class View:
     principal_point: list[float]
     pixel_aspect: float
     distortion: list[float]
+    aperture: Optional[float]
+    focus: Optional[float]
+    blades: int
     resolution: list[int]
     crop: list[int]
 

@@ -14,7 +14,7 @@ from ._grid import grid_file, sky_file
 
 FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags().items()}
 # Units of numbers, by what the help text calls the value.
-UNITS = {"DURATION": "s", "TIME": "s", "LENGTH": "m"}
+UNITS = {"DURATION": "s", "TIME": "s", "LENGTH": "m", "DIAMETER|f/N@LENGTH": "m"}
 
 
 class Words(list):

@@ -77,6 +77,23 @@ def test_a_calibrated_lens_has_the_pixels_of_its_model(fisheye, distortion):
         assert np.abs(straight.points(image.depth)[floor][:, 1]).max() > 0.02
 
 
+@pytest.mark.parametrize("lens", [dict(aperture=0.3, focus=3.2, blades=6), dict(aperture=0.05, focus=np.inf)])
+def test_a_camera_keeps_its_aperture(lens):
+    scene = room()
+    camera = scene.camera(**lens)
+    kept = dict(aperture=camera.aperture, focus=camera.focus, blades=camera.blades)
+    assert kept == {"blades": 0, **lens}
+    settings = dict(spp=4, sampling="uniform", gate="0m..inf")
+    image = taugate.render(scene, camera=camera, **settings)
+    assert np.allclose(image.pixels, taugate.render(scene, **lens, **settings).pixels, rtol=1e-3)
+    assert not np.allclose(image.pixels, taugate.render(scene, **settings).pixels, rtol=1e-3)
+    assert image.camera.aperture == lens["aperture"] and image.camera.focus == lens["focus"]
+    # A camera of the scene, and one that was moved.
+    scene.add_camera("lens", camera)
+    assert np.allclose(taugate.render(scene, camera="lens", **settings).pixels, image.pixels, rtol=1e-3)
+    assert camera.moved(right=0.1).aperture == lens["aperture"]
+
+
 def test_the_camera_of_a_part_of_an_image_renders_this_part():
     scene = room()
     part = taugate.render(scene, spp=1, aov="depth", crop=(5, 30, 10, 20))
