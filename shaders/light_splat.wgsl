@@ -1,6 +1,7 @@
 // Strategy t = 1: connects every light vertex to the sensor. The gate is tested before the shadow ray is traced.
 #import weights
 #import segment
+#import vignetting
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
@@ -58,6 +59,9 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
     let depths = segment_depths(v, w, d);
     var value = v.throughput * c.value * transmitted(depths) * (counted * share * density / spread * kept);
+    if (has_vignetting()) {
+        value *= vignetting(to_lens(chief));
+    }
     // A value that is not a number passes this test, because the host counts such values.
     if (max_component(value) <= 0.0) {
         return;

@@ -2,6 +2,7 @@
 #import weights
 #import sobol
 #import samples
+#import vignetting
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -42,6 +43,9 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.direction = direction;
     s.eta = eta_around(frame.sensor_solid);
     s.throughput = vec3<f32>(select(1.0, lit_share(), has_narrow_laser()));
+    if (has_vignetting()) {
+        s.throughput *= vignetting(to_lens(chief));
+    }
     if (SPLITS_AT_SHEETS) {
         // The mean over all samples of the pixel is the sum of the means over both kinds of samples.
         let count = samples_of_pixel(slot);

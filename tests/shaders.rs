@@ -101,6 +101,9 @@ fn host_type(module: &naga::Module, ty: naga::Handle<naga::Type>) -> String {
     match module.types[ty].inner {
         naga::TypeInner::Scalar(of) => scalar(of).into(),
         naga::TypeInner::Vector { size, scalar: of } => format!("[{}; {}]", scalar(of), size as u8),
+        naga::TypeInner::Array { base, size: naga::ArraySize::Constant(count), .. } => {
+            format!("[{}; {count}]", host_type(module, base))
+        }
         _ => module.types[ty].name.clone().expect("a struct has a name"),
     }
 }

@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
-use taugate::internals::scene::{Camera, Scene};
+use taugate::internals::scene::{Camera, Scene, Vignetting};
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::lens::LensDistortion;
 
@@ -27,6 +27,9 @@ pub struct View {
     /// Distance of the plane in focus in metres; `None` for infinity, and for a pinhole.
     focus: Option<f64>,
     blades: u32,
+    has_cos4: bool,
+    /// Angles in degrees, and shares of the light; none without a table.
+    vignetting: Vec<[f64; 2]>,
     /// Of the whole image.
     resolution: [u32; 2],
     /// x0, x1, y0, y1.
@@ -37,6 +40,10 @@ impl View {
     pub fn of(scene: &Scene, settings: &Settings) -> PyResult<View> {
         let Camera { name, transform, projection, principal_point, lens, .. } = &scene.cameras[settings.camera()];
         let crop = settings.crop();
+        let vignetting = match &lens.vignetting {
+            Vignetting::Table(rows) => rows.iter().map(|&[angle, share]| [angle.to_degrees(), share]).collect(),
+            Vignetting::None | Vignetting::Cos4 => vec![],
+        };
         Ok(View {
             name: name.clone(),
             world_from_camera: glam::DMat4::from(*transform).transpose().to_cols_array_2d(),
@@ -48,6 +55,8 @@ impl View {
             aperture: lens.aperture.map(|aperture| aperture.diameter),
             focus: lens.aperture.map(|aperture| aperture.focus).filter(|focus| focus.is_finite()),
             blades: lens.aperture.map_or(0, |aperture| aperture.blades),
+            has_cos4: lens.vignetting == Vignetting::Cos4,
+            vignetting,
             resolution: settings.resolution(),
             crop: [crop.x0, crop.x1, crop.y0, crop.y1],
         })

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Optional
+from typing import Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,9 @@ class Camera:
 
     ``aperture`` is the diameter of a thin lens in metres; ``None`` for a pinhole. It is in focus ``focus`` metres along the view. ``blades``
     makes it a regular polygon; 0: a disc. ``rays``, ``points`` and ``project`` belong to the centre of the lens.
+
+    ``vignetting`` is the share of the light that reaches the sensor: ``None`` for all of it, ``"cos4"``, or an array (N, 2) of angles to the
+    view in degrees, ascending from 0, and shares.
     """
 
     world_from_camera: np.ndarray
@@ -47,6 +50,7 @@ class Camera:
     aperture: Optional[float] = None
     focus: float = math.inf
     blades: int = 0
+    vignetting: Optional[Union[str, np.ndarray]] = None
 
     @classmethod
     def look_at(
@@ -119,6 +123,7 @@ class Camera:
             view.aperture,
             math.inf if view.focus is None else view.focus,
             view.blades,
+            "cos4" if view.has_cos4 else np.array(view.vignetting) if view.vignetting else None,
         )
 
     @property
@@ -195,6 +200,8 @@ class Camera:
             view = {"fov": self.fov, "principal_point": tuple(self.principal_point)}
         if self.aperture is not None:
             view |= {"aperture": self.aperture, "focus": self.focus, "blades": self.blades}
+        if self.vignetting is not None:
+            view["vignetting"] = self.vignetting
         if self.crop and tuple(self.crop) != (0, self.resolution[0], 0, self.resolution[1]):
             view["crop"] = tuple(self.crop)
         return {

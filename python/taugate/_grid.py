@@ -1,4 +1,4 @@
-"""Density grids and skies from arrays: the native part reads them from temporary files."""
+"""Density grids, skies and vignetting from arrays: the native part reads them from temporary files."""
 
 from __future__ import annotations
 
@@ -40,6 +40,14 @@ def sky_file(array):
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiub" or 0 in array.shape:
         raise SettingsError(f"sky is an array of {array.dtype} with the shape {array.shape}, but must be a radiance, or numbers (H, W, 3)")
     return _file("sky", np.ascontiguousarray(array, dtype="<f4"), write_exr, ".exr")
+
+
+def vignetting_file(array):
+    """The :class:`ArrayFile` (.csv) of an array (N, 2) of angles in degrees and shares of the light."""
+    if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "fiu":
+        raise SettingsError(f"vignetting has the shape {array.shape}, but must be 'cos4', a file, or angles in degrees and shares (N, 2)")
+    rows = np.ascontiguousarray(array, dtype="<f8")
+    return _file("vignetting", rows, lambda file, rows: np.savetxt(file, rows, fmt="%.17g", delimiter=","), ".csv")
 
 
 def _file(kind, array, write, suffix):

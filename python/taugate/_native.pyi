@@ -26,6 +26,8 @@ class View:
     aperture: Optional[float]
     focus: Optional[float]
     blades: int
+    has_cos4: bool
+    vignetting: list[list[float]]
     resolution: list[int]
     crop: list[int]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _native
 from ._errors import SettingsError
-from ._grid import grid_file, sky_file
+from ._grid import grid_file, sky_file, vignetting_file
 
 FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags().items()}
 # Units of numbers, by what the help text calls the value.
@@ -43,6 +43,9 @@ def words(settings, call):
             value = pairs.files[-1].path
         if keyword == "sky" and isinstance(value, np.ndarray) and value.ndim > 1:
             pairs.files.append(sky_file(value))
+            value = pairs.files[-1].path
+        if keyword == "vignetting" and not isinstance(value, (str, os.PathLike)):
+            pairs.files.append(vignetting_file(np.asarray(value)))
             value = pairs.files[-1].path
         if isinstance(value, np.ndarray):
             value = value.tolist()

@@ -77,6 +77,22 @@ def test_a_calibrated_lens_has_the_pixels_of_its_model(fisheye, distortion):
         assert np.abs(straight.points(image.depth)[floor][:, 1]).max() > 0.02
 
 
+@pytest.mark.parametrize("vignetting", ["cos4", [[0, 1], [10, 0.9], [60, 0.1]]])
+def test_a_camera_keeps_its_vignetting(vignetting):
+    scene = room()
+    camera = scene.camera(vignetting=vignetting)
+    settings = dict(spp=4, sampling="uniform", gate="0m..inf", estimator="pt")
+    image = taugate.render(scene, camera=camera, **settings)
+    without = taugate.render(scene, **settings)
+    view = camera.world_from_camera[:3, 2]
+    angle = np.degrees(np.arccos(without.camera.rays() @ view))
+    share = np.cos(np.radians(angle)) ** 4 if vignetting == "cos4" else np.interp(angle, *np.transpose(vignetting))
+    assert share.min() < 0.8 and np.allclose(image.pixels.mean(axis=2), share * without.pixels.mean(axis=2), rtol=0.02)
+    assert np.allclose(image.camera._settings()["vignetting"], vignetting) if vignetting != "cos4" else image.camera.vignetting == "cos4"
+    with pytest.raises(taugate.SettingsError, match="vignetting has the shape"):
+        taugate.render(scene, vignetting=[1, 2], **settings)
+
+
 @pytest.mark.parametrize("lens", [dict(aperture=0.3, focus=3.2, blades=6), dict(aperture=0.05, focus=np.inf)])
 def test_a_camera_keeps_its_aperture(lens):
     scene = room()

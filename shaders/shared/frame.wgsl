@@ -105,6 +105,8 @@ struct Frame {
     lens_radius: f32,
     inverse_focus: f32,
     blades: u32,
+    // With HAS_VIGNETTING_TABLE: angles in radians to the view and shares of the light, two of each per vector, ascending by angle.
+    vignetting: array<vec4<f32>, 16>,
 }
 
 // Parameters of one dispatch.
@@ -202,6 +204,10 @@ override HAS_DISTORTION: bool = false;
 override HAS_FISHEYE: bool = false;
 // Whether the lens has an aperture, so that only points at one distance are in focus. Not with HAS_FISHEYE.
 override HAS_APERTURE: bool = false;
+// Whether pixels far from the axis get less light (vignetting.wgsl): by the fourth power of the cosine, or as a table says. At most one is
+// true.
+override HAS_COS4: bool = false;
+override HAS_VIGNETTING_TABLE: bool = false;
 // Whether each pixel looks at a point of its own (`aims` in camera.wgsl).
 override HAS_AIMS: bool = false;
 // Whether each pixel also has a laser of its own, as the beams of a LiDAR have. The only light is a spot at the sensor, and its axis is

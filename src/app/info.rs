@@ -74,6 +74,8 @@ struct Camera {
     degrees_high: Option<f64>,
     /// Height of the view of an orthographic camera.
     metres_high: Option<f64>,
+    /// What its lens does; `None` without a lens.
+    lens: Option<String>,
     resolution: Option<[u32; 2]>,
 }
 

@@ -10,6 +10,7 @@ mod phase;
 mod radiance_hdr;
 mod scan;
 mod sky_image;
+mod two_columns;
 
 pub(super) use camera::AUTO;
 

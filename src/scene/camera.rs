@@ -9,6 +9,7 @@ use glam::{DAffine3, DVec3, dvec2};
 
 use super::check::{Checked, MAX_COORDINATE};
 use super::lens::Lens;
+use super::vignetting::Vignetting;
 use crate::error::{Error, Result};
 use crate::printable::escaped;
 
@@ -186,14 +187,23 @@ impl Camera {
     }
 
     /// The largest tangent of the angle to the view in an image of this resolution, with some room; for a fisheye the largest angle in
-    /// radians. Fails if the lens distorts so much that two directions have one pixel. The error names the camera.
+    /// radians. Fails if the lens distorts so much that two directions have one pixel, or if the table of its vignetting ends inside the
+    /// image. The error names the camera.
     pub(crate) fn lens_limit(&self, resolution: [u32; 2]) -> Result<f64> {
         let corners = [[0.0; 2], resolution.map(f64::from)].map(|film| {
             let DVec3 { x, y, .. } = self.on_image_plane(resolution, film);
             dvec2(x, -y)
         });
-        let limit = self.lens.distortion.limit(corners);
-        limit.map_err(|why| Error::settings(format!("camera '{}' {why}", escaped(&self.name))))
+        let named = |why| Error::settings(format!("camera '{}' {why}", escaped(&self.name)));
+        let limit = self.lens.distortion.limit(corners).map_err(named)?;
+        if self.lens.vignetting != Vignetting::None {
+            let [width, height] = resolution.map(f64::from);
+            let view = self.transform.transform_vector3(DVec3::NEG_Z);
+            let corners = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]];
+            let angles = corners.map(|film| self.direction(resolution, film).angle_between(view));
+            self.lens.vignetting.check_reach(angles.into_iter().fold(0.0, f64::max)).map_err(named)?;
+        }
+        Ok(limit)
     }
 
     /// The point `film` on the image plane relative to the principal point: x to the right, y up, in the unit of

@@ -175,7 +175,7 @@ pub(super) fn check_camera(camera: &Camera) -> Checked {
             name()
         ));
     }
-    let Lens { pixel_aspect, distortion, aperture } = &camera.lens;
+    let Lens { pixel_aspect, distortion, aperture, vignetting } = &camera.lens;
     if !(PIXEL_ASPECTS.contains(pixel_aspect) && distortion.is_finite()) {
         return Err(format!(
             "{} has a lens with pixels {pixel_aspect} times as wide as high, or a coefficient that is not finite; use finite \
@@ -188,6 +188,7 @@ pub(super) fn check_camera(camera: &Camera) -> Checked {
     if let Some(aperture) = aperture {
         aperture.check(distortion).map_err(|why| format!("{} {why}", name()))?;
     }
+    vignetting.check(distortion).map_err(|why| format!("{} {why}", name()))?;
     if camera.lens != Lens::PINHOLE && camera.projection.yfov().is_none() {
         return Err(format!(
             "{} has a lens, but only perspective cameras have one; leave the lens out, or give --fov",

@@ -5,9 +5,10 @@
 use glam::{DMat2, DVec2, DVec3, dvec2};
 
 use super::check::Checked;
+use super::vignetting::Vignetting;
 
 /// How the image of a perspective camera differs from that of a pinhole with square pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Lens {
     /// Width of a pixel over its height, > 0: fy / fx of an intrinsic matrix.
     pub pixel_aspect: f64,
@@ -15,6 +16,8 @@ pub struct Lens {
     pub distortion: Distortion,
     /// Its aperture; `None` for a pinhole, whose image is sharp at all distances.
     pub aperture: Option<Aperture>,
+    /// How much of the light reaches the border of the image.
+    pub vignetting: Vignetting,
 }
 
 /// The aperture of a thin lens. A pixel measures the mean radiance of the rays from all points of the aperture to the point in focus.
@@ -62,7 +65,8 @@ const CHECKED: usize = 48;
 
 impl Lens {
     /// No lens.
-    pub const PINHOLE: Lens = Lens { pixel_aspect: 1.0, distortion: Distortion::None, aperture: None };
+    pub const PINHOLE: Lens =
+        Lens { pixel_aspect: 1.0, distortion: Distortion::None, aperture: None, vignetting: Vignetting::None };
 }
 
 impl Aperture {

@@ -18,6 +18,7 @@ mod mesh_shape;
 mod optical_thickness;
 mod sky;
 mod tangents;
+mod vignetting;
 
 use std::collections::BTreeSet;
 
@@ -32,6 +33,7 @@ pub(crate) use medium::check_bounds;
 pub use medium::{DensityGrid, GridFilter, MAX_COEFFICIENT, Medium, PhaseFunction, surrounding_indices};
 pub use optical_thickness::optical_thickness;
 pub use sky::SkyImage;
+pub use vignetting::Vignetting;
 
 /// A loaded scene. Lengths are in metres; transforms stay in f64 until the renderer moves the origin to the sensor.
 #[derive(Debug, Clone, Default)]

@@ -1,13 +1,17 @@
-//! Lens distortion as the user gives it: coefficients in OpenCV's order.
+//! The lens of a camera as the user gives it: distortion in OpenCV's order of coefficients, aperture and vignetting.
 
+use std::ffi::OsStr;
+use std::path::PathBuf;
 use std::str::FromStr;
 
+use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, SettingsError};
+use crate::files::has_extension;
 use crate::scene::Distortion;
 use crate::settings::numbers::number;
-use crate::settings::setting::value_from_text;
+use crate::settings::setting::{Value, value_from_text};
 use crate::settings::typed::{Typed, typed};
 use crate::settings::units::length;
 
@@ -136,6 +140,55 @@ number! { "expected a number of metres, like 2.5":
 
 value_from_text!(ApertureDiameter);
 
+/// How much light reaches the border of the image: `cos4`, or the file of a table that ends in .csv.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum VignettingChoice {
+    Cos4,
+    /// A CSV file of angles in degrees and shares.
+    Table(PathBuf),
+}
+
+const COS4: &str = "cos4";
+
+impl Value for VignettingChoice {
+    fn parse(word: &OsStr) -> Result<VignettingChoice, SettingsError> {
+        let path = PathBuf::from(word);
+        if has_extension(&path, "csv") {
+            return Ok(VignettingChoice::Table(path));
+        }
+        if word == COS4 {
+            return Ok(VignettingChoice::Cos4);
+        }
+        Err(SettingsError::advice(
+            format!("'{}' is no vignetting: ", word.display()),
+            "write cos4, or the name of a table of angles in degrees and shares of the light that ends in .csv",
+        ))
+    }
+
+    fn paths(&mut self) -> Vec<&mut PathBuf> {
+        match self {
+            VignettingChoice::Table(path) => vec![path],
+            VignettingChoice::Cos4 => vec![],
+        }
+    }
+}
+
+impl Serialize for VignettingChoice {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            VignettingChoice::Table(path) => path.serialize(serializer),
+            VignettingChoice::Cos4 => serializer.serialize_str(COS4),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for VignettingChoice {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        VignettingChoice::parse(text.as_ref()).map_err(D::Error::custom)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -169,6 +222,15 @@ mod tests {
         assert!(metres("f/2.8").unwrap_err().to_string().contains("add the focal length"));
         for text in ["8", "-1mm", "f/0@35mm", "f/2@", "wide", "infm"] {
             assert!(metres(text).unwrap_err().to_string().contains("like 8mm"), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_vignetting_is_cos4_or_a_table() {
+        assert_eq!(VignettingChoice::parse("cos4".as_ref()), Ok(VignettingChoice::Cos4));
+        assert_eq!(VignettingChoice::parse("a/b.CSV".as_ref()), Ok(VignettingChoice::Table("a/b.CSV".into())));
+        for bad in ["", "cos3", "lens.txt"] {
+            assert!(VignettingChoice::parse(bad.as_ref()).unwrap_err().to_string().contains("write cos4"), "{bad}");
         }
     }
 

@@ -11,7 +11,6 @@ pub fn reason(name: &str) -> Option<&'static str> {
         | "lens-radius" | "depth-of-field" | "dof" => {
             "give the diameter of the lens with --aperture, like 8mm or f/2.8@35mm, and the distance in focus with --focus"
         }
-        "vignetting" => "lenses have no vignetting, so darken the corners of the image yourself (docs/LIMITS.md)",
         "lens-distortion" | "k1" | "k2" | "fisheye" => {
             "give the coefficients of the lens with --distortion, or the file of a calibration with --calibration"
         }
@@ -32,7 +31,7 @@ mod tests {
 
     #[test]
     fn no_setting_counts_as_missing() {
-        for name in ["shutter", "f-number", "vignetting", "fisheye", "focal-length", "iso"] {
+        for name in ["shutter", "f-number", "fisheye", "focal-length", "iso"] {
             assert!(
                 reason(name).is_some_and(|reason| reason.contains("docs/LIMITS.md") || reason.contains("--")),
                 "{name}"

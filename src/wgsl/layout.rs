@@ -60,6 +60,7 @@ host_twins! {
         vertex_count: u32, sensor_solid: u32, undelayed_lo: f32, merge_radius: f32,
         photon_list_mask: u32, lowest_photon_level: i32, highest_photon_level: i32, merge_slot: f32,
         lens_radial: [f32; 4], lens_rest: [f32; 4], lens_limit: f32, lens_radius: f32, inverse_focus: f32, blades: u32,
+        vignetting: [[f32; 4]; 16],
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }

@@ -83,6 +83,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/traverse",
     "shared/tree",
     "shared/vertex",
+    "shared/vignetting",
     "shared/visibility",
     "shared/walk",
     "shared/weights",

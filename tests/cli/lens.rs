@@ -57,6 +57,23 @@ fn a_calibration_file_is_the_same_as_its_flags() {
 }
 
 #[test]
+fn info_says_what_the_lens_does() {
+    let here = scene();
+    let text = |more: &[&str]| {
+        let output = taugate(here.path(), &[&["info", "box.glb"], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let calibrated =
+        text(&["--calibration", "camera.yml", "--aperture", "8mm", "--focus", "3", "--vignetting", "cos4"]);
+    let lens =
+        "pixels 1.016667 times as wide as high, distortion, aperture of 8 mm in focus at 3 m, vignetting by cos4";
+    assert!(calibrated.contains(lens), "{calibrated}");
+    let pinhole = text(&[]);
+    assert!(!pinhole.contains("distortion") && !pinhole.contains("vignetting"), "{pinhole}");
+}
+
+#[test]
 fn a_lens_that_cannot_be_is_refused_with_the_remedy() {
     let here = scene();
     let render = |arguments: &[&str], part: &str| {
@@ -78,6 +95,20 @@ fn a_lens_that_cannot_be_is_refused_with_the_remedy() {
     render(&["--aperture", "8mm", "--focus", "3", "--blades", "2"], "use 3 to 64");
     let fisheye = ["--distortion", "fisheye:0,0,0,0", "--aperture", "8mm", "--focus", "3"];
     render(&fisheye, "leave the aperture out");
+    render(&["--distortion", "fisheye:0,0,0,0", "--vignetting", "cos4"], "give its vignetting as a table");
+    render(&["--vignetting", "cos2"], "write cos4");
+    render(&["--vignetting", "missing.csv"], "missing.csv");
+    render(&["--vignetting", "cos4", "--ortho", "2"], "--ortho");
+    for (table, part) in [
+        ("0,1\n3,0.9\n", "ends at 3.00 degrees, but its image reaches"),
+        ("0,1\n30,0.9\n20,0.8\n", "sort the rows"),
+        ("5,1\n60,0.9\n", "give the angle 0 first"),
+        ("0,100\n60,40\n", "from 0 to 1"),
+        ("0,1\n20\n", "v.csv:2: '20' is not a row"),
+    ] {
+        std::fs::write(here.path().join("v.csv"), table).unwrap();
+        render(&["--vignetting", "v.csv"], part);
+    }
     std::fs::write(here.path().join("wrong.yml"), "a: 1\n").unwrap();
     render(&["--calibration", "wrong.yml"], "does not have one camera matrix");
     std::fs::write(here.path().join("unsized.json"), r#"{"K": [60, 61, 31.5, 24], "D": [0, 0, 0, 0]}"#).unwrap();

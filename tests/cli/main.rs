@@ -129,7 +129,6 @@ fn flags_of_other_renderers_say_what_to_do_instead() {
         ("--f-number", "with --aperture"),
         ("--focus-distance", "with --focus"),
         ("--k1", "with --distortion"),
-        ("--vignetting", "docs/LIMITS.md"),
     ] {
         let message = fails(here.path(), &["render", "a.glb", flag, "2"], 2, part);
         assert!(message.contains(flag), "{message}");

@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3, dvec2};
 use taugate::internals::generate::parts::{add, camera, diffuse, emitter, light, material};
 use taugate::internals::generate::shapes::quad;
-use taugate::internals::scene::{Distortion, Lens, LightKind, Projection, Scene};
+use taugate::internals::scene::{Distortion, Lens, LightKind, Projection, Scene, Vignetting};
 use taugate::internals::settings::{Emitters, Estimator, Sampling};
 
 use super::cells::{renderer, settings};
@@ -52,9 +52,30 @@ fn scene(distortion: Distortion) -> Scene {
     camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 1.0, SIZE);
     let camera = &mut scene.cameras[0];
     camera.projection = Projection::Perspective { yfov: 2.0 * (0.5 * height / MATRIX[1]).atan() };
-    camera.lens = Lens { pixel_aspect: MATRIX[1] / MATRIX[0], distortion, aperture: None };
+    camera.lens = Lens { pixel_aspect: MATRIX[1] / MATRIX[0], distortion, ..Lens::PINHOLE };
     camera.principal_point = [(MATRIX[2] + 0.5) / width, (MATRIX[3] + 0.5) / height];
     scene
+}
+
+/// A kind of vignetting, and its share as a function of the direction.
+type Shading = (&'static str, Vignetting, fn(DVec3) -> f64);
+
+fn vignettings(distortion: &Distortion) -> Vec<Shading> {
+    let rows = [[0.0, 1.0], [10.0, 0.9], [25.0, 0.7], [40.0, 0.2], [80.0, 0.1]];
+    let table = rows.iter().map(|&[degrees, share]: &[f64; 2]| [degrees.to_radians(), share]).collect();
+    // The lines through the rows, written down.
+    let share = |to: DVec3| match to.truncate().length().atan2(to.z).to_degrees() {
+        a if a < 10.0 => 1.0 - 0.01 * a,
+        a if a < 25.0 => 0.9 - 0.2 * (a - 10.0) / 15.0,
+        a if a < 40.0 => 0.7 - 0.5 * (a - 25.0) / 15.0,
+        a => 0.2 - 0.0025 * (a - 40.0),
+    };
+    let mut all: Vec<Shading> =
+        vec![("no vignetting", Vignetting::None, |_| 1.0), ("table", Vignetting::Table(table), share)];
+    if !matches!(distortion, Distortion::Fisheye(_)) {
+        all.push(("cos4", Vignetting::Cos4, |to| (to.z / to.length()).powi(4)));
+    }
+    all
 }
 
 /// The direction towards the point (x, y) of the wall, y up, in the axes of [`pixel`].
@@ -66,8 +87,12 @@ fn towards(x: f64, y: f64) -> DVec3 {
 #[test]
 fn the_spot_of_a_beam_is_in_its_pixel_with_its_radiance() {
     for (name, lens) in lenses() {
-        for (x, y) in [(0.3, 0.2), (-2.4, 1.5), (2.0, -1.9), (-0.4, -1.2)] {
+        let places = [(0.3, 0.2), (-2.4, 1.5), (2.0, -1.9), (-0.4, -1.2)];
+        let cases = vignettings(&lens).into_iter().flat_map(|case| places.map(|place| (case.clone(), place)));
+        for ((kind, vignetting, share), (x, y)) in cases {
+            let name = format!("{name}, {kind}");
             let mut scene = scene(lens);
+            scene.cameras[0].lens.vignetting = vignetting;
             let wall = material(&mut scene, diffuse("wall", [ALBEDO as f32; 3]));
             add(
                 &mut scene,
@@ -84,7 +109,7 @@ fn the_spot_of_a_beam_is_in_its_pixel_with_its_radiance() {
             let across = to.cross(DVec3::Y).normalize();
             let step = |v: DVec3| (pixel(&lens, to / d + h * v) - pixel(&lens, to / d - h * v)) / (2.0 * h);
             let spread = step(across).perp_dot(step(across.cross(to / d))).abs();
-            let truth = ALBEDO / std::f64::consts::PI * 2.0 * (DISTANCE / d) * spread / (d * d);
+            let truth = share(to) * ALBEDO / std::f64::consts::PI * 2.0 * (DISTANCE / d) * spread / (d * d);
             let settings = settings(Estimator::Bdpt, SIZE).emitters(Emitters::Nodes(vec!["beam".into()])).max_depth(2);
             let mut renderer = renderer(&scene, &settings.build().unwrap());
             renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
@@ -137,5 +162,40 @@ fn edges_are_where_the_map_of_the_lens_has_them() {
         }
         eprintln!("{name}: the edge is off by at most {worst:.4} pixels");
         assert!(worst < 0.05, "{name}: {worst} pixels");
+    }
+}
+
+/// A panel of radiance 1 that fills the image: each pixel has the share of the light that the vignetting leaves, averaged over the pixel.
+#[test]
+fn camera_rays_lose_the_light_of_the_vignetting() {
+    for (lens_name, lens) in lenses() {
+        for (kind, vignetting, share) in vignettings(&lens) {
+            let mut scene = scene(lens);
+            scene.cameras[0].lens.vignetting = vignetting;
+            let panel = material(&mut scene, emitter("panel", [1.0; 3]));
+            let corner = DVec3::new(-200.0, -200.0, -DISTANCE);
+            add(&mut scene, "panel", panel, quad(corner, 400.0 * DVec3::X, 400.0 * DVec3::Y, [1.0; 2]));
+            let settings = settings(Estimator::Pt, SIZE).sampling(Sampling::Uniform).max_depth(1).build().unwrap();
+            let mut renderer = renderer(&scene, &settings);
+            (0..4).for_each(|_| renderer.iterate(16).unwrap_or_else(|e| panic!("{e}")));
+            let image = renderer.film().mean();
+            let view = scene.cameras[0].transform.inverse();
+            let truth = |index: usize| {
+                let [column, row] = [index % SIZE[0] as usize, index / SIZE[0] as usize].map(|x| x as f64);
+                let points =
+                    (0..16).map(|k| [column + f64::from(k % 4) / 4.0 + 0.125, row + f64::from(k / 4) / 4.0 + 0.125]);
+                let shares = points.map(|film| {
+                    let d = view.transform_vector3(scene.cameras[0].direction(SIZE, film));
+                    share(DVec3::new(d.x, -d.y, -d.z))
+                });
+                shares.sum::<f64>() / 16.0
+            };
+            let off = (0..image.len() / 3).map(|i| (f64::from(image[3 * i]) - truth(i)).abs()).fold(0.0, f64::max);
+            eprintln!("{lens_name}, {kind}: off by at most {off:.1e}");
+            assert!(off < 1e-3, "{lens_name}, {kind}: {off}");
+            // Negative control: an image without vignetting.
+            let pinhole = (0..image.len() / 3).map(|i| (1.0 - truth(i)).abs()).fold(0.0, f64::max);
+            assert!(kind == "no vignetting" || pinhole > 0.3, "{lens_name}, {kind}: {pinhole}");
+        }
     }
 }

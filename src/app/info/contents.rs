@@ -5,7 +5,9 @@ use std::collections::HashMap;
 use taugate::internals::input::resolve::emitting_nodes;
 use taugate::internals::job::feasible;
 use taugate::internals::render::sheets::glass;
-use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Scene, SkyImage};
+use taugate::internals::scene::{
+    Aperture, Distortion, Lens, Light as SceneLight, Medium as SceneMedium, Scene, SkyImage, Vignetting,
+};
 
 use super::media::Medium;
 use super::{Camera, Emitter, Report};
@@ -22,7 +24,8 @@ pub fn report(scene: &Scene) -> Report {
         let (degrees_high, metres_high) =
             (camera.projection.yfov().map(f64::to_degrees), camera.projection.view_height());
         let position = camera.transform.translation.to_array();
-        Camera { name: camera.name.clone(), position, degrees_high, metres_high, resolution: camera.resolution }
+        let (name, lens, resolution) = (camera.name.clone(), describe_lens(&camera.lens), camera.resolution);
+        Camera { name, position, degrees_high, metres_high, lens, resolution }
     });
     Report {
         triangles: scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum(),
@@ -44,6 +47,30 @@ pub fn report(scene: &Scene) -> Report {
         render: None,
         notes: vec![],
     }
+}
+
+/// What a lens does, in a few words; `None` for a pinhole with square pixels.
+fn describe_lens(lens: &Lens) -> Option<String> {
+    // Without the noise of units that were converted.
+    let rounded = |x: f64| (1e6 * x).round() / 1e6;
+    let pixels =
+        (lens.pixel_aspect != 1.0).then(|| format!("pixels {} times as wide as high", rounded(lens.pixel_aspect)));
+    let distortion = match lens.distortion {
+        Distortion::None => None,
+        Distortion::Rational { .. } => Some("distortion".to_string()),
+        Distortion::Fisheye(_) => Some("fisheye".to_string()),
+    };
+    let aperture = lens.aperture.as_ref().map(|Aperture { diameter, focus, .. }| match focus.is_finite() {
+        true => format!("aperture of {} mm in focus at {} m", rounded(1e3 * diameter), rounded(*focus)),
+        false => format!("aperture of {} mm in focus at infinity", rounded(1e3 * diameter)),
+    });
+    let vignetting = match lens.vignetting {
+        Vignetting::None => None,
+        Vignetting::Cos4 => Some("vignetting by cos4".to_string()),
+        Vignetting::Table(_) => Some("vignetting by a table".to_string()),
+    };
+    let parts: Vec<String> = [pixels, distortion, aperture, vignetting].into_iter().flatten().collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
 }
 
 /// The nodes that emit, each with a description of its emitter.

@@ -66,7 +66,8 @@ fn add_contents(lines: &mut Lines, r: &Report) {
             (Some(degrees), None) => format!("vertical field of view {degrees:.1} degrees"),
             (None, None) => "looks at the points of the scan".into(),
         };
-        format!("{} at {}, {view}{size}", camera.name, point(&camera.position))
+        let lens = camera.lens.as_ref().map(|lens| format!(", {lens}")).unwrap_or_default();
+        format!("{} at {}, {view}{lens}{size}", camera.name, point(&camera.position))
     });
     lines.list("emitter", &r.emitters, |emitter| {
         let watts = emitter.watts.map(|w| format!(", {w:.4} W")).unwrap_or_default();

@@ -3,12 +3,13 @@
 use glam::{DAffine3, DVec3};
 
 use super::calibration::{self, Calibration};
+use super::two_columns;
 use crate::error::{Error, Result};
 use crate::input::resolve::find_camera;
 use crate::scene::build::{look, look_upright};
-use crate::scene::{Aperture, Camera, Lens, Projection, Scene};
+use crate::scene::{Aperture, Camera, Lens, Projection, Scene, Vignetting};
 use crate::settings::check_resolution;
-use crate::settings::lens::{ApertureDiameter, Focus, LensDistortion};
+use crate::settings::lens::{ApertureDiameter, Focus, LensDistortion, VignettingChoice};
 use crate::settings::numbers::{Fov, Height, Numbers};
 use crate::settings::table::CameraTable;
 use crate::settings::values::Resolution;
@@ -94,6 +95,16 @@ fn apply_lens(table: &CameraTable, camera: &mut Camera, is_calibrated: bool) -> 
             return Err(Error::advice("--focus and --blades belong to an aperture: ", "give --aperture too, like 8mm"));
         }
     };
+    match &table.vignetting {
+        None => {}
+        Some(VignettingChoice::Cos4) => camera.lens.vignetting = Vignetting::Cos4,
+        Some(VignettingChoice::Table(path)) => {
+            let rows = two_columns::read(path, "an angle in degrees and a share of the light", "10,0.95");
+            let rows = rows.map_err(Error::settings)?;
+            camera.lens.vignetting =
+                Vignetting::Table(rows.into_iter().map(|[degrees, share]| [degrees.to_radians(), share]).collect());
+        }
+    }
     let Some(Numbers([fx, fy, cx, cy])) = table.camera_matrix else { return Ok(()) };
     let setting = if is_calibrated { "--calibration" } else { "--camera-matrix" };
     let Some([width, height]) = table.resolution.map(|Resolution(size)| size).or(camera.resolution) else {

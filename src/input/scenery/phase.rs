@@ -1,15 +1,10 @@
 //! The phase function of `[medium]`: its parameters, or a table from a file.
 
-use std::path::Path;
-
-use crate::files::{check_readable, read_error};
+use super::two_columns;
 use crate::scene::PhaseFunction;
 use crate::settings::medium::{Alpha, DropletDiameter, MeanCosine};
 use crate::settings::phase::{PARAMETERS, Phase};
 use crate::settings::table::MediumTable;
-
-/// Maximum size of a table in bytes; a table of a thousand rows has 20,000 bytes.
-const MAX_TABLE_BYTES: u64 = 8 << 20;
 
 /// The phase function of `table`. Fails with one sentence if a parameter is missing, or has no effect.
 pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
@@ -57,7 +52,11 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
                     .ok_or(missing("--phase-alpha", "the alpha of its second lobe"))?,
             },
         },
-        Phase::Table(path) => read_table(&path)?,
+        Phase::Table(path) => {
+            let rows = two_columns::read(&path, "a cosine and a value", "-1,0.05")?;
+            let (cosines, values) = rows.into_iter().map(<(f64, f64)>::from).unzip();
+            PhaseFunction::Table { cosines, values }
+        }
     })
 }
 
@@ -78,45 +77,6 @@ fn droplets(d: f64) -> PhaseFunction {
         g_draine: (-2.20679 / (d + 3.91029) - 0.428934).exp(),
         alpha: (3.62489 - 8.29288 / (d + 5.52825)).exp(),
         weight_draine: (-0.599085 / (d - 0.641583) - 0.665888).exp(),
-    }
-}
-
-/// Reads a table of two columns: cosine of the scattering angle, and value. See [`parse_table`].
-fn read_table(path: &Path) -> Result<PhaseFunction, String> {
-    let name = path.display();
-    let length = check_readable(path).map_err(|e| e.to_string())?;
-    if length > MAX_TABLE_BYTES {
-        return Err(format!(
-            "{name} has {length} bytes, too many for a table: use fewer rows, at most {MAX_TABLE_BYTES} bytes"
-        ));
-    }
-    let bytes = std::fs::read(path).map_err(|e| read_error(path, e).to_string())?;
-    let text = String::from_utf8(bytes)
-        .map_err(|_| format!("{name} is not text: give a CSV file with the columns cosine and value"))?;
-    let (cosines, values) = parse_table(&text).map_err(|message| format!("{name}:{message}"))?;
-    Ok(PhaseFunction::Table { cosines, values })
-}
-
-/// The columns of a table. Lines that are empty or begin with `#` do not count; the first other line may be a header. The error
-/// begins with the number of the line.
-fn parse_table(text: &str) -> Result<(Vec<f64>, Vec<f64>), String> {
-    let (mut cosines, mut values) = (vec![], vec![]);
-    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
-    let rows = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    for (row, (number, line)) in rows.enumerate() {
-        let cells: Result<Vec<f64>, _> = line.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
-        match cells.as_deref() {
-            Ok(&[cosine, value]) => {
-                cosines.push(cosine);
-                values.push(value);
-            }
-            Err(_) if row == 0 => {}
-            _ => return Err(format!("{number}: '{line}' is not a row: write a cosine and a value, like -1,0.05")),
-        }
-    }
-    match cosines.is_empty() {
-        true => Err("1: the table has no rows: write a cosine and a value per line, like -1,0.05".into()),
-        false => Ok((cosines, values)),
     }
 }
 
@@ -149,19 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_are_read() {
-        let expected = Ok((vec![-1.0, 0.0, 1.0], vec![0.5, 1e-3, 8.0]));
-        assert_eq!(parse_table("-1,0.5\n0, 1e-3\n1,8"), expected);
-        assert_eq!(parse_table("# of fog\n\ncosine, value\n-1,0.5\n # middle\n0,0.001\r\n1,8\n"), expected);
-        for (text, part) in [
-            ("", "1: the table has no rows"),
-            ("cosine,value\n", "1: the table has no rows"),
-            ("-1,1\n0.5\n1,1", "2: '0.5' is not a row"),
-            ("cosine,value\nangle,value\n1,1", "2: 'angle,value'"),
-            ("-1,1,2", "1: '-1,1,2' is not a row"),
-        ] {
-            assert!(parse_table(text).unwrap_err().starts_with(part), "{text}");
-        }
+    fn a_missing_table_is_named() {
         assert!(read("phase = '/nowhere/fog.csv'").unwrap_err().contains("fog.csv"));
     }
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Plan;
-use crate::scene::{Aim, Aperture, Camera, Distortion};
+use crate::scene::{Aim, Aperture, Camera, Distortion, Vignetting};
 
 /// The kind of camera that the kernels are compiled for.
 #[derive(Clone, Copy, PartialEq)]
@@ -15,6 +15,8 @@ pub(super) struct CameraKind {
     pub has_distortion: bool,
     pub has_fisheye: bool,
     pub has_aperture: bool,
+    pub has_cos4: bool,
+    pub has_vignetting_table: bool,
 }
 
 impl CameraKind {
@@ -26,17 +28,21 @@ impl CameraKind {
             has_distortion: matches!(camera.lens.distortion, Distortion::Rational { .. }),
             has_fisheye: matches!(camera.lens.distortion, Distortion::Fisheye(_)),
             has_aperture: camera.lens.aperture.is_some(),
+            has_cos4: camera.lens.vignetting == Vignetting::Cos4,
+            has_vignetting_table: matches!(camera.lens.vignetting, Vignetting::Table(_)),
         }
     }
 
     /// Values of the WGSL `override` constants that depend on the kind alone.
-    pub fn constants(self) -> [(&'static str, bool); 5] {
+    pub fn constants(self) -> [(&'static str, bool); 7] {
         [
             ("HAS_ORTHOGRAPHIC", self.is_orthographic),
             ("HAS_AIMS", self.aims > 0),
             ("HAS_DISTORTION", self.has_distortion),
             ("HAS_FISHEYE", self.has_fisheye),
             ("HAS_APERTURE", self.has_aperture),
+            ("HAS_COS4", self.has_cos4),
+            ("HAS_VIGNETTING_TABLE", self.has_vignetting_table),
         ]
     }
 }
@@ -79,6 +85,7 @@ impl Plan {
         let [radial, rest] = coefficients(&camera.lens.distortion);
         (frame.lens_radial, frame.lens_rest) = (radial.map(|k| k as f32), rest.map(|k| k as f32));
         frame.lens_limit = camera.lens_limit([frame.width, frame.height]).map_or(0.0, |limit| limit as f32);
+        frame.vignetting = vignetting_rows(&camera.lens.vignetting);
         self.sensor_corners = camera.corners([frame.width, frame.height]).map(|corner| self.space.point(corner));
         self.uncounted =
             camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.uncounted).fold(0.0, f64::max);
@@ -92,6 +99,21 @@ impl Plan {
         }
         true
     }
+}
+
+/// The rows of a vignetting as [`Frame`](crate::wgsl::layout::Frame) has them, two angles and shares per vector. The last row is repeated
+/// at larger angles.
+fn vignetting_rows(vignetting: &Vignetting) -> [[f32; 4]; Vignetting::MAX_ROWS / 2] {
+    let Vignetting::Table(rows) = vignetting else { return [[0.0; 4]; Vignetting::MAX_ROWS / 2] };
+    let row = |index: usize| {
+        let beyond = index.saturating_sub(rows.len() - 1);
+        let [angle, share] = rows[index - beyond];
+        [(angle + beyond as f64) as f32, share as f32]
+    };
+    std::array::from_fn(|pair| {
+        let [[a, b], [c, d]] = [row(2 * pair), row(2 * pair + 1)];
+        [a, b, c, d]
+    })
 }
 
 /// The coefficients as [`Frame`](crate::wgsl::layout::Frame) has them.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::settings::lens::{ApertureDiameter, Focus, LensDistortion};
+use crate::settings::lens::{ApertureDiameter, Focus, LensDistortion, VignettingChoice};
 use crate::settings::moment::Moment;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::setting::Taker::{Page, View};
@@ -16,7 +16,7 @@ table! {
     CameraTable = "camera" {
         /// Name of the camera in the scene; NAME#2 is the second camera of this name; auto: a view of the whole scene, slightly
         /// from above [default: the first camera, or auto if there is none]
-        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point", "camera-matrix", "distortion", "calibration", "aperture", "focus", "blades"]);
+        camera: String, Setting::scene("camera", "NAME|auto").also(Page).resets(&["look-from", "look-at", "up", "fov", "ortho", "principal-point", "camera-matrix", "distortion", "calibration", "aperture", "focus", "blades", "vignetting"]);
 
         /// Place of the camera in metres, instead of its own; without --look-at the camera looks at the centre of the scene
         look_from: Numbers<3>, Setting::scene("look-from", "X,Y,Z").form(Form::Signed).also(Page);
@@ -58,6 +58,10 @@ table! {
 
         /// Number of blades of --aperture, which is then a regular polygon [default: 0, a disc]
         blades: u32, Setting::scene("blades", "N");
+
+        /// Share of the light that reaches the sensor, by the angle to the view: cos4, the fourth power of its cosine; or a table
+        /// of angles in degrees and shares [default: all light]
+        vignetting: VignettingChoice, Setting::scene("vignetting", "cos4|FILE.csv").excludes(&["ortho"], "set the view of the camera");
 
         /// Image size in pixels [default: the resolution of the camera, else 512 pixels wide]
         resolution: Resolution, Setting::scene("resolution", "WxH").also(Page);

@@ -36,6 +36,7 @@ impl Visitor for Fill {
             "pt",
             "hg",
             "box",
+            "cos4",
             "15",
             "all",
             "uniform",

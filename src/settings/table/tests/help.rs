@@ -79,6 +79,7 @@ const DEFAULTS: &[[&str; 5]] = &[
 const DESCRIBED: &[&str] = &[
     "camera",
     "aperture",
+    "vignetting",
     "headlamp",
     "animation",
     "grid-filter",
