@@ -103,8 +103,14 @@ typed! { LensDistortion, "expected coefficients like [-0.28, 0.09, 0.001, 0], or
 value_from_text!(LensDistortion);
 
 /// The diameter of an aperture in metres: a length such as `8mm`, or an f-number and a focal length, `f/2.8@35mm`.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApertureDiameter(pub f64);
+
+impl Serialize for ApertureDiameter {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(&format_args!("{}m", self.0))
+    }
+}
 
 impl FromStr for ApertureDiameter {
     type Err = Error;
@@ -241,5 +247,9 @@ mod tests {
             let json = serde_json::to_string(&lens).unwrap();
             assert_eq!(serde_json::from_str::<LensDistortion>(&json).unwrap(), lens, "{json}");
         }
+        // Also as a flag, which needs the unit.
+        let json = serde_json::to_string(&ApertureDiameter(0.008)).unwrap();
+        assert_eq!(json, "\"0.008m\"");
+        assert_eq!(serde_json::from_str::<ApertureDiameter>(&json).unwrap(), ApertureDiameter(0.008));
     }
 }

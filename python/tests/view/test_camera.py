@@ -1,5 +1,6 @@
 """After the camera was turned on the page, the command on the page has the same camera."""
 
+import math
 import time
 
 from .page import Keys, visit
@@ -81,6 +82,20 @@ def test_the_camera_is_turned_moved_and_reset(tmp_path):
         page.enter("#max-depth", "5")
         page.find("#estimator").send_keys("bdpt")
         page.until(f"/--look-from '0.0,1.0,3.5'.*--estimator bdpt.*--max-depth 5/.test({COMMAND})")
+        # A lens, which is in focus at the target at first.
+        page.enter("#aperture", "20cm")
+        page.until(f"/--aperture 0.2m --focus [0-9.]+/.test({COMMAND})")
+        focus = float(page.value("#focus"))
+        eye, target = (numbers(page.value(place)) for place in ("#look-from", "#look-at"))
+        assert abs(focus - math.dist(eye, target)) < 0.01, focus
+        page.enter("#focus", "2.5")
+        page.until(f"{COMMAND}.includes('--focus 2.5')")
+        page.enter("#focus", "0.1")
+        page.until("document.querySelector('.alert.problem')?.textContent.includes('focus farther away')")
+        page.until("document.getElementById('focus').value === '2.5'")
+        page.enter("#aperture", Keys.DELETE)
+        page.until(f"!{COMMAND}.includes('--aperture') && !{COMMAND}.includes('--focus')")
+
         page.enter("#max-depth", "-5")
         page.until("document.querySelector('.alert.problem')?.textContent.includes('max-depth')")
         page.until("document.getElementById('max-depth').value === '5'")

@@ -1,6 +1,6 @@
 // The settings beside the picture: camera, emitters, estimator. Each control sets one flag of `taugate render`.
 
-import { cameraChange, cameraOf, placeText, viewHeight } from './camera.js';
+import { cameraChange, cameraOf, distance, placeText, viewHeight } from './camera.js';
 import { byId, fill, make, onEdit, setOptions } from './dom.js';
 import { short } from './units.js';
 
@@ -33,6 +33,13 @@ export function makePanel(link, steering, { onProblem }) {
     link.set(kind === 'ortho' ? { ortho: short(height, 4) } : { fov: short(degrees, 4) });
   });
   onEdit(byId('view-angle'), text => link.set({ [byId('projection').value]: text === '' ? null : text }), restore);
+
+  onEdit(byId('aperture'), text => {
+    // At first, the target is in focus.
+    const focus = latest.settings.focus ?? short(distance(cameraOf(latest)), 4);
+    link.set(text === '' ? { aperture: false, focus: false, blades: false } : { aperture: text, focus });
+  }, restore);
+  onEdit(byId('focus'), text => (text === '' ? restore() : link.set({ focus: text })), restore);
 
   const setResolution = (width, height) => {
     if (width > 0 && height > 0) link.set({ resolution: `${Math.max(1, Math.round(width))}x${Math.max(1, Math.round(height))}` });
@@ -86,6 +93,10 @@ export function makePanel(link, steering, { onProblem }) {
     fill(byId('view-angle'), short(camera.ortho ?? camera.fov ?? 0, 4));
     byId('view-angle').setAttribute('aria-label', camera.ortho ? 'Height of the view in metres' : 'Vertical field of view in degrees');
     byId('view-unit').textContent = camera.ortho ? 'm' : '°';
+    fill(byId('aperture'), settings.aperture ?? '');
+    byId('aperture').disabled = Boolean(camera.ortho);
+    fill(byId('focus'), settings.focus ?? '');
+    byId('focus').disabled = !settings.aperture;
     fill(byId('width'), state.resolution[0]);
     fill(byId('height'), state.resolution[1]);
     showEmitters(state);
