@@ -68,7 +68,7 @@ fn moments(renderer: &Renderer) -> [f64; 2] {
 fn pt(scene: &Scene, gate: Gate) -> [f64; 2] {
     let settings = settings(Estimator::Pt, SIZE).sampling(Sampling::Uniform).max_depth(1).gate(gate).build().unwrap();
     let mut renderer = renderer(scene, &settings);
-    (0..32).for_each(|_| renderer.iterate(16).unwrap_or_else(|e| panic!("{e}")));
+    (0..400).for_each(|_| renderer.iterate(16).unwrap_or_else(|e| panic!("{e}")));
     moments(&renderer)
 }
 
@@ -89,7 +89,7 @@ fn camera_rays_blur_a_panel_as_the_closed_form_says() {
         let [light, square] = pt(&panel(disc(), z, width), whole);
         eprintln!("{z} m: light {light:.3} of 36, mean square {square:.4} of {expected:.4}");
         assert!(
-            (light / 36.0 - 1.0).abs() < 0.005 && (square / expected - 1.0).abs() < 0.01,
+            (light / 36.0 - 1.0).abs() < 0.002 && (square / expected - 1.0).abs() < 0.01,
             "{z} m: {light} {square}"
         );
         // Negative control: the pinhole.
@@ -101,7 +101,7 @@ fn camera_rays_blur_a_panel_as_the_closed_form_says() {
     let [light, square] = pt(&panel(Some(square_aperture), 4.0, 0.24), whole);
     let expected = 3.0 + circle(4.0).powi(2) / 24.0 + 1.0 / 12.0;
     assert!(
-        (light / 36.0 - 1.0).abs() < 0.005 && (square / expected - 1.0).abs() < 0.01,
+        (light / 36.0 - 1.0).abs() < 0.002 && (square / expected - 1.0).abs() < 0.01,
         "{light} {square} {expected}"
     );
 }

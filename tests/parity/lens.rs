@@ -9,7 +9,7 @@ use taugate::internals::wgsl::layout::{Frame, NONE};
 use crate::shader_function::ShaderFunction;
 use crate::values::frame;
 
-pub const KERNELS: &[&ShaderFunction] = &[&RAY, &BEYOND];
+pub const KERNELS: &[&ShaderFunction] = &[&RAY, &BEYOND, &FOCUSED];
 
 const RAY: ShaderFunction = ShaderFunction {
     imports: &["camera"],
@@ -101,3 +101,48 @@ const BEYOND: ShaderFunction = ShaderFunction {
     result: "pixel: u32, pad0: u32, pad1: u32, pad2: u32",
     body: "result.pixel = pixel_of(vec3<f32>(input.x, 0.0, -1.0));",
 };
+
+const FOCUSED: ShaderFunction = ShaderFunction {
+    imports: &["lens"],
+    input: "chief: vec2<f32>, u: vec2<f32>",
+    result: "at: vec2<f32>, path: f32, off: f32",
+    body: "result.at = aperture_point(input.u); let chief = vec3<f32>(input.chief, 1.0);
+        result.path = lens_path(chief, result.at);
+        result.off = length(chief_ray(focused_ray(chief, result.at), result.at) - chief);",
+};
+
+/// With the way from the aperture to the point in focus, a ray takes as long as the one through the centre of the lens.
+#[test]
+fn points_in_focus_have_the_travel_time_of_a_pinhole() {
+    let mut pcg = Pcg::new(118);
+    let inputs: Vec<[f32; 4]> = (0..20_000)
+        .map(|_| {
+            [pcg.range(-0.8, 0.8), pcg.range(-0.6, 0.6), pcg.range(0.0, 1.0), pcg.range(0.0, 1.0)].map(|x| x as f32)
+        })
+        .collect();
+    let kernel = FOCUSED.compile(&[("HAS_APERTURE", 1.0)]);
+    for (radius, focus, blades) in [(0.05, 2.0, 0), (0.4, 1.0, 6), (0.01, 80.0, 0), (0.1, f64::INFINITY, 5)] {
+        let change = |f: &mut Frame| {
+            (f.lens_radius, f.inverse_focus, f.blades) = (radius as f32, (1.0 / focus) as f32, blades);
+        };
+        let results: Vec<[f32; 4]> = kernel.run(&inputs, &[frame(change)]);
+        let (mut worst, mut without): (f64, f64) = (0.0, 0.0);
+        for (input, &[x, y, path, off]) in inputs.iter().zip(&results) {
+            let chief = DVec3::new(input[0].into(), input[1].into(), 1.0);
+            let at = DVec3::new(x.into(), y.into(), 0.0);
+            assert!(at.length() <= radius * 1.000_001 && off < 1e-6, "{at} {off}");
+            let length = match focus.is_finite() {
+                true => (focus * chief).length() - (focus * chief - at).length(),
+                // The limit of the difference.
+                false => at.dot(chief.normalize()),
+            };
+            let scale = if focus.is_finite() { (focus * chief).length() } else { 1.0 };
+            worst = worst.max((f64::from(path) - length).abs() / scale);
+            without = without.max(length.abs() / scale);
+        }
+        eprintln!("radius {radius} m, focus {focus} m: times off by at most {worst:.1e} of the way");
+        assert!(worst < 1e-6, "radius {radius}, focus {focus}: {worst}");
+        // Negative control: rays without this length.
+        assert!(without > 2e-5, "radius {radius}, focus {focus}: {without}");
+    }
+}
