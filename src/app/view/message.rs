@@ -207,6 +207,8 @@ pub struct Progress {
     /// Time spent on these iterations.
     pub seconds: f64,
     pub rays_per_second: f64,
+    /// Share of this time in which the device ran kernels; `None` if it has no timestamps.
+    pub device_share: Option<f64>,
     pub relmse: Option<f64>,
 }
 

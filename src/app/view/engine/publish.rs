@@ -62,6 +62,7 @@ impl Engine {
             iterations: full.map_or(0, |full| full.film().iterations()),
             seconds: work.seconds,
             rays_per_second: rays as f64 / work.seconds.max(1e-9),
+            device_share: full.and_then(|full| full.stats().device_share(work.seconds)),
             relmse: work.relmse,
         };
         self.board.report(Topic::Progress, &Report::Progress(progress));
