@@ -57,6 +57,20 @@ fn a_calibration_file_is_the_same_as_its_flags() {
 }
 
 #[test]
+fn an_orthographic_view_replaces_the_lens_of_a_file() {
+    let here = scene();
+    let lens = "[camera]\naperture = '8mm'\nfocus = 3\nblades = 6\nvignetting = 'cos4'\ndistortion = [0.1, 0, 0, 0]\n";
+    std::fs::write(here.path().join("lens.toml"), format!("scene = 'box.glb'\n{lens}")).unwrap();
+    let printed = taugate(here.path(), &["render", "lens.toml", "--ortho", "2", "--print-config"]);
+    let text = String::from_utf8(printed.stdout).unwrap();
+    assert!(printed.status.success() && text.contains("ortho = 2"), "{text}");
+    assert!(
+        ["aperture", "focus", "blades", "vignetting", "distortion"].iter().all(|key| !text.contains(key)),
+        "{text}"
+    );
+}
+
+#[test]
 fn info_says_what_the_lens_does() {
     let here = scene();
     let text = |more: &[&str]| {

@@ -54,10 +54,10 @@ table! {
         aperture: ApertureDiameter, Setting::scene("aperture", "DIAMETER|f/N@LENGTH").excludes(&["ortho"], "set the view of the camera").also(Page);
 
         /// Distance in metres at which --aperture is in focus, along the view of the camera, or inf
-        focus: Focus, Setting::scene("focus", "DISTANCE").also(Page);
+        focus: Focus, Setting::scene("focus", "DISTANCE").excludes(&["ortho"], "set the view of the camera").also(Page);
 
         /// Number of blades of --aperture, which is then a regular polygon [default: 0, a disc]
-        blades: u32, Setting::scene("blades", "N").also(Page);
+        blades: u32, Setting::scene("blades", "N").excludes(&["ortho"], "set the view of the camera").also(Page);
 
         /// Share of the light that reaches the sensor, by the angle to the view: cos4, the fourth power of its cosine; or a table
         /// of angles in degrees and shares [default: all light]
