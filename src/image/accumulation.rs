@@ -59,6 +59,8 @@ pub struct AdaptiveState {
     /// Samples per pixel so far, averaged over the pixels.
     pub samples: f64,
     pub iterations: u32,
+    /// The error of each pixel without the last iteration, which the samples of the next iteration follow. `None` in merged sums.
+    pub errors: Option<Vec<f64>>,
 }
 
 /// The render that the sums belong to, and the part of it that they contain.
@@ -256,6 +258,7 @@ impl Accumulation {
                 state.pixels.iter_mut().zip(&other.pixels).for_each(add);
                 state.samples += other.samples;
                 state.iterations += other.iterations;
+                state.errors = None;
             }
             (state, _) => *state = None,
         }

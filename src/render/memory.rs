@@ -25,8 +25,8 @@ const BUILD_BYTES: u64 = 320;
 const PIXEL_BYTES: u64 = 136;
 /// Host bytes per light vertex: the vertex in the pool, the index of its path, and its place.
 const VERTEX_BYTES: u64 = size_of::<PathVertex>() as u64 + 8;
-/// Additional host bytes per pixel for adaptive sampling: the sample statistics and the sample count.
-const ADAPTIVE_PIXEL_BYTES: u64 = 41;
+/// Additional host bytes per pixel for adaptive sampling: the sample statistics, the error twice, and the sample count.
+const ADAPTIVE_PIXEL_BYTES: u64 = 49;
 const GIB: f64 = (1u64 << 30) as f64;
 /// Host bytes of the program itself, the driver and the driver's compiler.
 const PROGRAM_BYTES: u64 = 120 << 20;

@@ -1,5 +1,7 @@
 //! Number of samples per pixel in an iteration: the same in every pixel, or more where earlier iterations found a larger error.
 
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
 use super::Renderer;
@@ -23,6 +25,9 @@ pub const MAX_SAMPLES_PER_PIXEL: u32 = MAX_AVERAGE_SAMPLES * MAX_SHARE;
 const DARK_FRACTION: f64 = 0.01;
 /// Minimum error of a pixel, relative to the maximum error.
 const MIN_RELATIVE_ERROR: f64 = 1e-6;
+/// From this iteration on, counted from 0, the samples follow all earlier iterations except the last one. Before it, the last one is too
+/// large a part of all.
+const FIRST_WITHOUT_LAST: u32 = 3;
 /// Maximum number of passes of [`factor`] over all pixels.
 const MAX_PASSES: u32 = 64;
 
@@ -68,12 +73,18 @@ struct PixelStats {
 /// Distributes the samples of an iteration over the pixels according to the error that earlier iterations found. The image
 /// stays unbiased for three reasons: the counts are fixed before the iteration begins, every pixel has at least one sample,
 /// and the weight of an iteration is its average number of samples per pixel, never the count of one pixel.
+///
+/// The counts do not depend on the iteration just before. So the host can choose them while the device traces that iteration. The first
+/// iterations are exceptions.
 pub struct Allocation {
     width: usize,
     pixels: Vec<PixelStats>,
     /// Samples per pixel so far, averaged over the pixels.
     samples: f64,
     iterations: u32,
+    /// The errors after all iterations, once they are known; and after all except the last one.
+    errors: OnceLock<Vec<f64>>,
+    without_last: Vec<f64>,
 }
 
 impl Allocation {
@@ -84,31 +95,40 @@ impl Allocation {
             pixels: vec![PixelStats::default(); pixels as usize],
             samples: 0.0,
             iterations: 0,
+            errors: OnceLock::new(),
+            without_last: vec![0.0; pixels as usize],
         }
     }
 
     pub fn restart(&mut self) {
         self.pixels.fill(PixelStats::default());
         (self.samples, self.iterations) = (0.0, 0);
+        self.errors.take();
+        self.without_last.fill(0.0);
     }
 
     /// The statistics of earlier iterations.
     pub fn state(&self) -> AdaptiveState {
         let pixels = self.pixels.iter().map(|p| [p.samples, p.sum, p.squares, p.light]).collect();
-        AdaptiveState { pixels, samples: self.samples, iterations: self.iterations }
+        let errors = Some(self.without_last.clone());
+        AdaptiveState { pixels, samples: self.samples, iterations: self.iterations, errors }
     }
 
-    /// Goes on from `state`, which has the same number of pixels.
+    /// Goes on from `state`, which has the same number of pixels. If it lacks errors, those after all its iterations serve.
     pub fn resume(&mut self, state: &AdaptiveState) {
         let stats = |&[samples, sum, squares, light]: &[f64; 4]| PixelStats { samples, sum, squares, light };
         self.pixels = state.pixels.iter().map(stats).collect();
         (self.samples, self.iterations) = (state.samples, state.iterations);
+        self.errors.take();
+        self.without_last = state.errors.clone().unwrap_or_else(|| self.errors().to_vec());
     }
 
     /// Adds an iteration with `samples` samples per pixel on average, distributed as in `counts`. `film` has one entry per
     /// pixel: the mean RGB of its camera samples, and in w the sum of their squared luminances. `image`: mean RGB per pixel
     /// with all other light (t = 1) included.
     pub fn add(&mut self, film: &[[f32; 4]], image: &[f32], counts: &SampleCounts, samples: u32) {
+        self.errors();
+        self.without_last = self.errors.take().expect("they are known now");
         let samples = f64::from(samples);
         let parts = self.pixels.par_chunks_mut(CHUNK).zip(film.par_chunks(CHUNK)).zip(image.par_chunks(3 * CHUNK));
         parts.enumerate().for_each(|(part, ((pixels, film), image))| {
@@ -125,28 +145,36 @@ impl Allocation {
         self.iterations += 1;
     }
 
-    /// Counts for an iteration with `samples` samples per pixel on average. Their sum differs from `samples` times the number
+    /// Counts for the next iteration, with `samples` samples per pixel on average. Their sum differs from `samples` times the number
     /// of pixels by at most two. Each count is a lower bound plus a multiple of the square root of variance / luminance^2, up to an
     /// upper bound. Both values are estimated over 3 x 3 pixels. This minimises the mean relative error: the sum of variance / (count
     /// luminance^2) (Neyman 1934, "On the Two Different Aspects of the Representative Method", optimum allocation). All
     /// counts are equal until each pixel has two samples.
     pub fn counts(&self, samples: u32) -> SampleCounts {
-        if samples == 1 || self.samples < 2.0 {
+        let errors = if self.iterations < FIRST_WITHOUT_LAST { self.errors() } else { &self.without_last };
+        if samples == 1 || errors.iter().all(|&error| error == 0.0) {
             return SampleCounts::Uniform(samples);
         }
-        let mut errors = self.relative_errors();
-        let finite = errors.par_iter().with_min_len(CHUNK).copied().filter(|error| error.is_finite());
-        let max_error = finite.reduce(|| 0.0, f64::max);
-        if max_error == 0.0 {
-            return SampleCounts::Uniform(samples);
-        }
-        // Infinite errors are reduced to the maximum finite one. Errors of 0 are raised to a small fraction of it.
-        let clamp = |error: &mut f64| *error = error.clamp(MIN_RELATIVE_ERROR * max_error, max_error);
-        errors.par_iter_mut().with_min_len(CHUNK).for_each(clamp);
         let wanted = f64::from(samples);
         let (min, max) = ((MIN_SHARE * wanted).max(1.0), f64::from(MAX_SHARE * samples));
-        let factor = factor(&errors, wanted - min, max - min);
-        self.round_shares(errors.iter().map(|&error| (min + factor * error).min(max)))
+        let factor = factor(errors, wanted - min, max - min);
+        round_shares(errors.iter().map(|&error| (min + factor * error).min(max)), self.iterations)
+    }
+
+    /// The error of each pixel: the square root of variance / luminance^2, without infinities, and 0 only if all are 0 or unknown.
+    fn errors(&self) -> &[f64] {
+        self.errors.get_or_init(|| {
+            if self.samples < 2.0 {
+                return vec![0.0; self.pixels.len()];
+            }
+            let mut errors = self.relative_errors();
+            let finite = errors.par_iter().with_min_len(CHUNK).copied().filter(|error| error.is_finite());
+            let max_error = finite.reduce(|| 0.0, f64::max);
+            // Infinite errors are reduced to the maximum finite one. Errors of 0 are raised to a small fraction of it.
+            let clamp = |error: &mut f64| *error = error.clamp(MIN_RELATIVE_ERROR * max_error, max_error);
+            errors.par_iter_mut().with_min_len(CHUNK).for_each(clamp);
+            errors
+        })
     }
 
     /// Square root of variance / luminance^2 per pixel, both estimated over 3 x 3 pixels. Infinite if the sum of squares
@@ -172,20 +200,6 @@ impl Allocation {
             if relative.is_nan() { 0.0 } else { relative.sqrt() }
         };
         (0..self.pixels.len()).into_par_iter().with_min_len(CHUNK).map(error).collect()
-    }
-
-    /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel. So every
-    /// count differs from the exact value by at most one, and so does the sum over every row-major range of pixels. The first
-    /// carried error changes with the iteration, so that no pixel is always rounded down.
-    fn round_shares(&self, shares: impl Iterator<Item = f64>) -> SampleCounts {
-        let golden = 0.618_033_988_749_895;
-        let mut carried = (golden * f64::from(self.iterations)).fract() - 0.5;
-        let round = |share: f64| {
-            let count = (share + carried).round().max(1.0);
-            carried += share - count;
-            count as u8
-        };
-        SampleCounts::PerPixel(shares.map(round).collect())
     }
 }
 
@@ -239,6 +253,20 @@ fn factor(errors: &[f64], wanted: f64, max: f64) -> f64 {
         factor = next;
     }
     factor
+}
+
+/// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel. So every
+/// count differs from the exact value by at most one, and so does the sum over every row-major range of pixels. The first
+/// carried error changes with the `iteration`, so that no pixel is always rounded down.
+fn round_shares(shares: impl Iterator<Item = f64>, iteration: u32) -> SampleCounts {
+    let golden = 0.618_033_988_749_895;
+    let mut carried = (golden * f64::from(iteration)).fract() - 0.5;
+    let round = |share: f64| {
+        let count = (share + carried).round().max(1.0);
+        carried += share - count;
+        count as u8
+    };
+    SampleCounts::PerPixel(shares.map(round).collect())
 }
 
 #[cfg(test)]
@@ -330,10 +358,58 @@ mod tests {
         assert!(first.iter().zip(&second).all(|(a, b)| a.abs_diff(*b) <= 1));
     }
 
+    /// The image has an even error, and `right` finds another in the last of `iterations`.
+    fn with_another_last(iterations: u32, right: f32) -> Allocation {
+        let mut allocation = after(|_| 20.0);
+        for iteration in 1..iterations {
+            let right = if iteration == iterations - 1 { right } else { 20.0 };
+            let film: Vec<[f32; 4]> =
+                (0..200).map(|i| [1.0, 1.0, 1.0, if i % 20 < 10 { 20.0 } else { right }]).collect();
+            allocation.add(&film, &[1.0; 600], &SampleCounts::Uniform(4), 4);
+        }
+        allocation
+    }
+
+    #[test]
+    fn samples_follow_the_last_iteration_only_in_the_first_ones() {
+        for iterations in [2, 3, 4, 9] {
+            let [even, uneven] = [20.0, 900.0].map(|right| counts(&with_another_last(iterations, right), 8));
+            assert!(even.iter().all(|&n| n == 8));
+            assert_eq!(even != uneven, iterations < FIRST_WITHOUT_LAST, "after {iterations} iterations");
+        }
+        // The iteration after the next one follows it.
+        let mut allocation = with_another_last(4, 900.0);
+        allocation.add(&[[1.0, 1.0, 1.0, 20.0]; 200], &[1.0; 600], &SampleCounts::Uniform(4), 4);
+        assert!(counts(&allocation, 8)[19] > counts(&allocation, 8)[0]);
+    }
+
+    #[test]
+    fn a_render_that_goes_on_has_the_same_counts() {
+        for iterations in [1, 2, 3, 4, 9] {
+            let [mut whole, mut resumed] = [(); 2].map(|()| with_another_last(iterations, 900.0));
+            let state = resumed.state();
+            resumed = Allocation::new(20, 200);
+            resumed.resume(&state);
+            for _ in 0..3 {
+                assert_eq!(whole.counts(5), resumed.counts(5), "after {iterations} iterations");
+                for allocation in [&mut whole, &mut resumed] {
+                    let counts = allocation.counts(5);
+                    let film: Vec<[f32; 4]> = (0..200).map(|i| [1.0, 1.0, 1.0, 9.0 + i as f32]).collect();
+                    allocation.add(&film, &[1.0; 600], &counts, 5);
+                }
+            }
+            // Merged sums lack the errors.
+            resumed.resume(&AdaptiveState { errors: None, ..whole.state() });
+            assert_eq!(resumed.without_last, whole.errors());
+        }
+    }
+
     #[test]
     fn a_restart_clears_the_film() {
-        let mut allocation = after(|i| i as f32);
+        let mut allocation = with_another_last(5, 900.0);
+        allocation.counts(4);
         allocation.restart();
         assert_eq!(allocation.counts(4), SampleCounts::Uniform(4));
+        assert!(allocation.state() == Allocation::new(20, 200).state());
     }
 }

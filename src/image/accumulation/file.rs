@@ -13,6 +13,7 @@
 //! | `cell_lengths` | 2 | number of iterations of a full batch, and of the last one |
 //! | `adaptive` | height, width, 4 | what adaptive sampling has measured, see [`AdaptiveState`]; missing if the sampling is uniform |
 //! | `adaptive_counts` | 2 | samples per pixel and iterations of `adaptive` |
+//! | `adaptive_errors` | height, width | the errors that the next samples follow; missing in merged sums |
 //! | `depth.Z`, `object.ID`, ... | height, width | auxiliary layers, see [`CHANNELS`]; only those that were rendered |
 //!
 //! `objects.json` gives the name for each number in `object.ID`.
@@ -151,6 +152,9 @@ fn write_entries(writer: &mut (impl Write + Seek), parts: Parts) -> io::Result<(
     if let Some(state) = adaptive {
         array(&mut zip, "adaptive", &[height, width, 4], state.pixels.iter().flatten().copied())?;
         array(&mut zip, "adaptive_counts", &[2], [state.samples, f64::from(state.iterations)])?;
+        if let Some(errors) = &state.errors {
+            array(&mut zip, "adaptive_errors", &[height, width], errors.iter().copied())?;
+        }
     }
     layer_arrays::write(&mut zip, [height, width], layers)?;
     zip.finish()?;
@@ -342,14 +346,19 @@ fn adaptive<R: Read + Seek>(zip: &mut Archive<R>, [rows, columns]: [usize; 2]) -
     let (_, pixels) = any_values(zip, "adaptive", |shape| *shape == [rows, columns, 4])?;
     let counts = values(zip, "adaptive_counts", &[2])?;
     let (pixels, _) = pixels.as_chunks();
+    let errors = match zip.index_for_name("adaptive_errors.npy") {
+        Some(_) => Some(values(zip, "adaptive_errors", &[rows, columns])?),
+        None => None,
+    };
     // The device adds the squares as f32, so their sum may be infinite.
     let is_right = |&[samples, sum, squares, light]: &[f64; 4]| {
         [samples, sum, light].iter().all(|x| x.is_finite()) && samples >= 0.0 && squares >= 0.0
     };
-    if !pixels.iter().all(is_right) || counts.iter().any(|&count| count < 0.0) {
+    let mut not_negative = counts.iter().chain(errors.iter().flatten());
+    if !pixels.iter().all(is_right) || not_negative.any(|&value| value < 0.0) {
         return Err(Problem::Contents(
             "its state of adaptive sampling, adaptive, has a negative count or a value that is not finite".into(),
         ));
     }
-    Ok(AdaptiveState { pixels: pixels.to_vec(), samples: counts[0], iterations: counts[1] as u32 })
+    Ok(AdaptiveState { pixels: pixels.to_vec(), samples: counts[0], iterations: counts[1] as u32, errors })
 }
