@@ -30,7 +30,7 @@ pub struct Position {
 
 impl Position {
     pub fn of(renderer: &Renderer, elapsed: Duration, before: Before) -> Position {
-        Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays(), before }
+        Position { samples: renderer.rendered().samples, elapsed, rays: renderer.stats().rays(), before }
     }
 
     pub fn rays_per_second(&self) -> f64 {

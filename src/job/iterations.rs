@@ -65,7 +65,7 @@ impl Iterations<'_> {
             if self.stop.load(Ordering::SeqCst) {
                 return Ok(End::Stopped);
             }
-            let has_samples = renderer.film().samples() > 0;
+            let has_samples = renderer.rendered().samples > 0;
             let may_abandon = match self.abandons {
                 Abandons::All => true,
                 Abandons::SafeOnes => !renderer.has_responses(),
@@ -75,7 +75,7 @@ impl Iterations<'_> {
                 Ok(true) if is_bad(renderer) => break,
                 Ok(true) => watch(renderer, started.elapsed()),
                 Ok(false) => return Ok(End::Stopped),
-                Err(error) if error.kind() == ErrorKind::Device && renderer.film().samples() > 0 => {
+                Err(error) if error.kind() == ErrorKind::Device && renderer.rendered().samples > 0 => {
                     return Ok(End::Failed(error));
                 }
                 Err(error) => return Err(error),

@@ -155,7 +155,7 @@ impl ReadyJob {
             let elapsed = earlier + elapsed;
             let seconds = before + elapsed.as_secs_f64();
             let not_written = sums.update(renderer, layers, seconds).err();
-            let progress = Progress::new(&own_budget, renderer.film().samples(), seconds);
+            let progress = Progress::new(&own_budget, renderer.rendered().samples, seconds);
             watch(Step { renderer, progress, elapsed, not_written });
         });
         self.elapsed = earlier + started.elapsed();

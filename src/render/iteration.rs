@@ -2,18 +2,21 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
-use super::Renderer;
 use super::contribution::Contribution;
 use super::light_phase::{Beside, Progress};
 use super::plan::{Iteration, Observe};
-use super::samples::SampleCounts;
+use super::samples::{Allocation, SampleCounts};
 use super::schedule::{Following, Planned};
 use super::sensor::Tiles;
-use super::stats::stage;
+use super::stats::{Stats, stage};
+use super::sums::{Image, Sums};
+use super::{Renderer, ResponseSums};
 use crate::error::{Error, Result};
 #[cfg(doc)]
 use crate::image::film::Film;
+use crate::threads;
 
 #[warn(missing_docs)]
 impl Renderer {
@@ -69,10 +72,7 @@ impl Renderer {
         visit: &mut impl FnMut(Contribution),
     ) -> Result<bool> {
         let (iteration, observe, waits) = (self.next_iteration(samples), self.plan.observe, self.device.waits());
-        let counts = match &self.allocation {
-            Some(allocation) => self.stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts(samples)),
-            None => SampleCounts::Uniform(samples),
-        };
+        let counts = self.sample_counts(samples);
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
 
         // Phases 1 and 2: light tracing, hierarchy construction. New vertices that the sensor sees add to the image (t = 1).
@@ -80,7 +80,7 @@ impl Renderer {
             Some(lit) => lit,
             None => self.light.run(&self.plan, iteration, |_| ())?,
         };
-        self.stats.add_light(&lit.stats);
+        self.stats.add_part(&lit.stats);
         let pool = lit.pool;
         let mut splats = vec![];
         for splat in lit.splats {
@@ -97,12 +97,16 @@ impl Renderer {
             return Ok(false);
         }
 
-        let next = self.light_ahead(counts.max());
-        let Renderer { plan, scene, light, ahead, sensor, allocation, film, responses, stats, .. } = self;
-        let merged = std::thread::scope(|scope| -> Result<Option<f64>> {
+        let (works_beside, next) = (self.in_flight() > 1, self.light_ahead(counts.max()));
+        let Renderer { plan, scene, light, ahead, sensor, sums, counts_ahead, responses, stats, .. } = self;
+        let found = std::thread::scope(|scope| -> Result<Option<_>> {
             // Phases 1 and 2 of the next iteration, in another thread. Their first part comes before phase 3 of this one, so that the host
             // builds trees while the device traces sensor subpaths.
             let beside = next.map(|next| light.start(scope, plan, next)).transpose()?;
+            // The film of the iteration before, and the sample counts of the next one, in a third thread.
+            let (sums, samples_of_next) = (&*sums, next.map(|next| next.samples));
+            let add_before = move || add_beside(sums, samples_of_next);
+            let film = works_beside.then(|| threads::spawn_scoped(scope, "film", add_before)).transpose()?;
 
             // Phase 3: sensor tracing, light-cone shell queries and connections, tile by tile.
             if let Some(responses) = responses {
@@ -123,8 +127,9 @@ impl Renderer {
                         break;
                     }
                 }
-                if is_last && plan.tuning.holds_for_light {
+                if is_last && plan.tuning.holds_for_host {
                     Beside::wait(&beside, Progress::Done);
+                    sums.wait();
                 }
                 let Some(found) = subpaths.resolve(is_last)? else { return Ok(None) };
                 found.contributions.into_iter().flatten().for_each(&mut *visit);
@@ -133,39 +138,63 @@ impl Renderer {
                 }
             }
 
-            // Film. The allocation learns the error per pixel for later iterations.
-            let learn = |seen: &[[f32; 4]], image: &[f32]| {
-                if let Some(allocation) = allocation {
-                    allocation.add(seen, image, &counts, samples);
-                }
-            };
-            let merged = sensor.add_film(&mut image, learn, stats)?;
-            if !observe.has_strategies() {
-                let image = responses.as_ref().map_or(&image[..], |responses| responses.total());
-                stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
-            }
-            if let Some(responses) = responses {
-                responses.end();
-            }
+            let (seen, merged) = sensor.film(image.len() / 3, stats)?;
+            let total = responses.as_mut().map(ResponseSums::end);
             // An error of the next iteration's light shows in that iteration, which traces it again.
             *ahead = stats.timed(stage::WAIT_FOR_LIGHT, || beside.and_then(|beside| beside.end().ok()));
-            Ok(Some(merged))
+            if let Some(film) = film {
+                let join = || film.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+                let (counts, of_film) = stats.timed(stage::WAIT_FOR_FILM, join);
+                *counts_ahead = samples_of_next.zip(counts);
+                stats.add_part(&of_film);
+            }
+            Ok(Some((Image { splats: image, seen, total, counts, samples }, merged)))
         })?;
-        let Some(merged) = merged else { return Ok(false) };
+        let Some((image, merged)) = found else { return Ok(false) };
 
+        let max = image.counts.max();
+        if !observe.has_strategies() {
+            self.add_image(image);
+        }
         self.stats.waits += self.device.waits() - waits;
         self.stats.device_bytes = self.stats.device_bytes.max(self.device.bytes_in_use());
-        self.finish_iteration(counts.max(), merged);
+        self.finish_iteration(max, merged);
         Ok(true)
+    }
+
+    /// Samples per pixel of the iteration, which has `samples` on average.
+    fn sample_counts(&mut self, samples: u32) -> SampleCounts {
+        match self.counts_ahead.take() {
+            Some((of_ahead, counts)) if of_ahead == samples => counts,
+            _ if !self.plan.adaptive => SampleCounts::Uniform(samples),
+            _ => {
+                let Renderer { sums, stats, .. } = self;
+                let added = stats.timed(stage::ADD_TO_FILM, || sums.get());
+                let counts = |allocation: &Allocation| allocation.counts(samples);
+                let of_pixels = stats.timed(stage::ALLOCATE_SAMPLES, || added.allocation.as_ref().map(counts));
+                of_pixels.unwrap_or(SampleCounts::Uniform(samples))
+            }
+        }
+    }
+
+    /// Gives the image of the iteration to the film, which adds it now or beside the next iteration.
+    fn add_image(&mut self, image: Image) {
+        self.sums.put(image);
+        if self.in_flight() == 1 {
+            self.stats.timed(stage::ADD_TO_FILM, || _ = self.sums.get());
+        }
+    }
+
+    fn in_flight(&self) -> u32 {
+        self.plan.tuning.in_flight.unwrap_or(self.device.info().drive.in_flight)
     }
 
     /// The next iteration, if its light is to be traced beside phase 3 of the present one. `max`: see [`Renderer::finish_iteration`].
     fn light_ahead(&self, max: u32) -> Option<Iteration> {
-        let in_flight = self.plan.tuning.in_flight.unwrap_or(self.device.info().drive.in_flight);
         let (Following::Iteration(next) | Following::Perhaps(next)) = self.following else { return None };
         let Planned { number, samples, after_gap } = next;
         let first_sample = if after_gap { self.first_sample_after_gap(number) } else { self.first_sample + max };
-        (in_flight > 1).then_some(Iteration { number, first_sample, samples })
+        (self.in_flight() > 1).then_some(Iteration { number, first_sample, samples })
     }
 
     pub(super) fn next_iteration(&self, samples: u32) -> Iteration {
@@ -174,7 +203,7 @@ impl Renderer {
 
     /// Adds an iteration without tracing it: no light can arrive inside the gate, so all its samples are black.
     fn add_black_iteration(&mut self, samples: u32) {
-        self.film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
+        self.sums.get_mut().film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
         if let Some(responses) = &mut self.responses {
             responses.begin(vec![], samples);
             responses.end();
@@ -195,4 +224,16 @@ impl Renderer {
         self.following = Following::Unknown;
         self.stats.iterations += 1;
     }
+}
+
+/// Adds the last iteration to `sums`. If the counts of the iteration after the present one do not depend on the present one, chooses them
+/// for `samples` samples per pixel. Also returns the times that this took.
+fn add_beside(sums: &Sums, samples: Option<u32>) -> (Option<SampleCounts>, Stats) {
+    let (start, mut stats) = (Instant::now(), Stats::default());
+    let added = stats.timed(stage::ADD_TO_FILM, || sums.get());
+    let counts = added.allocation.as_ref().zip(samples).and_then(|(allocation, samples)| {
+        stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts_after_next(samples))
+    });
+    stats.beside_seconds = start.elapsed().as_secs_f64();
+    (counts, stats)
 }

@@ -23,6 +23,9 @@ const BUILD_BYTES: u64 = 320;
 /// Host bytes per pixel: 96 for the double-double sums of the film, 4 for its cells, 12 for the image of an iteration, 16 for a copy
 /// of the device's film, 8 for the list of pixels in sample order.
 const PIXEL_BYTES: u64 = 136;
+/// Host bytes per pixel of the image that another iteration in flight has: 12 of t = 1, 16 of the device's film, 12 of the total of several
+/// responses, 1 for the sample count.
+const IMAGE_BYTES: u64 = 41;
 /// Host bytes per light vertex: the vertex in the pool, the index of its path, and its place.
 const VERTEX_BYTES: u64 = size_of::<PathVertex>() as u64 + 8;
 /// Additional host bytes per pixel for adaptive sampling: the sample statistics, the error twice, and the sample count.
@@ -92,9 +95,10 @@ impl MemoryPlan {
         // The BVH is built before anything is uploaded, so only the larger of the two sums counts below.
         let copies: u64 = iteration.iter().filter(|desc| desc.read_back).map(|desc| desc.bytes).sum();
         let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
-        let pixels = (PIXEL_BYTES + if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 }) * plan.crop_pixels;
-        // Each iteration in flight has light vertices on the host.
+        // Each iteration in flight has an image and light vertices on the host.
         let pools = u64::from(info.drive.in_flight);
+        let adaptive = if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 };
+        let pixels = (PIXEL_BYTES + adaptive + (pools - 1) * IMAGE_BYTES) * plan.crop_pixels;
         let host_bytes = PROGRAM_BYTES
             + scene_bytes(scene)
             + (BUILD_BYTES * triangles).max(flat + on_host + pixels + pools * VERTEX_BYTES * u64::from(vertices));

@@ -51,6 +51,7 @@ pub mod split_mix;
 mod stats;
 mod strategies;
 mod submit_size;
+mod sums;
 mod travel_time_bounds;
 mod view_thickness;
 
@@ -86,13 +87,14 @@ pub use prepared_scene::PreparedScene;
 pub use probe::{TravelTimes, probe};
 use responses::ResponseSums;
 pub use sample_time::seconds_per_sample;
-use samples::Allocation;
 pub use samples::MAX_AVERAGE_SAMPLES;
+use samples::{Allocation, SampleCounts};
 use schedule::Following;
 use sensor::SensorPhase;
 use stats::stage;
 pub use stats::{Stage, Stats};
 pub use strategies::{StrategyImage, StrategyImages, strategies};
+use sums::Sums;
 pub use travel_time_bounds::TravelTimeBounds;
 pub use view_thickness::{ViewThickness, view_thickness};
 
@@ -106,9 +108,9 @@ pub struct Renderer {
     /// Light of the next iteration.
     ahead: Option<Lit>,
     sensor: SensorPhase,
-    /// `None` if every pixel has the same number of samples.
-    allocation: Option<Allocation>,
-    film: Film,
+    sums: Sums,
+    /// Samples per pixel of the next iteration, on average, and in each pixel, if they are chosen already.
+    counts_ahead: Option<(u32, SampleCounts)>,
     /// `None` if there is one response with weight 1 in its gate: its image is the film.
     responses: Option<ResponseSums>,
     stats: Stats,
@@ -216,8 +218,8 @@ impl Renderer {
             light,
             ahead: None,
             sensor,
-            allocation,
-            film,
+            sums: Sums::new(film, allocation),
+            counts_ahead: None,
             responses,
             stats,
             done: Iterations::default(),
@@ -239,7 +241,7 @@ impl Renderer {
     #[doc(hidden)]
     pub fn is_black(&self) -> bool {
         let may_be_black = !self.plan.responses.is_single_box() || self.stats.inside_gate == 0;
-        may_be_black && self.film.mean().iter().all(|&x| x == 0.0)
+        may_be_black && self.film().mean().iter().all(|&x| x == 0.0)
     }
 
     /// The device that renders.
@@ -249,7 +251,7 @@ impl Renderer {
 
     /// Mean and variance of the pixels of the crop so far. With several responses: of the sum of their images.
     pub fn film(&self) -> &Film {
-        &self.film
+        &self.sums.get().film
     }
 
     /// The images of the responses so far; `None` if there is one response, whose image is [`Renderer::film`].

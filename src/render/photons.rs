@@ -222,7 +222,7 @@ impl Renderer {
     /// The light of the film that merging found; `None` if the render does not merge.
     #[doc(hidden)]
     pub fn merged(&self) -> Option<Merged> {
-        self.plan.merging.is_some().then(|| self.merged.of(&self.film))
+        self.plan.merging.is_some().then(|| self.merged.of(self.film()))
     }
 }
 

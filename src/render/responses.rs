@@ -95,16 +95,12 @@ impl ResponseSums {
         self.replaced.keep(notes);
     }
 
-    /// The sum over all responses of the images of the present iteration: R, G, B per pixel.
-    pub fn total(&self) -> &[f32] {
-        &self.total
-    }
-
-    /// Ends the iteration.
-    pub fn end(&mut self) {
+    /// Ends the iteration. Returns the sum over all responses of its images: R, G, B per pixel.
+    pub fn end(&mut self) -> Vec<f32> {
         self.splats.clear();
         self.film.end_iteration(self.samples);
         self.has_part = false;
+        std::mem::take(&mut self.total)
     }
 }
 
@@ -254,7 +250,7 @@ mod tests {
                     }
                     assert!(light_of(sums) == wanted, "{edge:?}, {pixels_per_tile} pixels per tile");
                     let total: f64 = per_pixel.range((9, 0)..(10, 0)).map(|(_, rgb)| rgb[1]).sum();
-                    assert_eq!(sums.total()[3 * 9 + 1], total as f32);
+                    assert_eq!(sums.total[3 * 9 + 1], total as f32);
                 };
                 // The limit equals the number of changes; then it is one too small; then the first block already exceeds it.
                 let changes = per_pixel.len();

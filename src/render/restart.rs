@@ -5,6 +5,7 @@
 use super::prepared_scene::{PreparedScene, set_seeds};
 use super::responses::ResponseSums;
 use super::schedule::Following;
+use super::sums::Added;
 use super::{Iterations, Renderer, Stats};
 use crate::error::{Error, Result};
 use crate::image::accumulation::MergedLight;
@@ -116,16 +117,17 @@ impl Renderer {
     }
 
     pub(super) fn clear(&mut self) {
-        self.film = Film::new(self.film.width(), self.film.height());
+        let Added { film, allocation } = self.sums.get_mut();
+        *film = Film::new(film.width(), film.height());
+        if let Some(allocation) = allocation {
+            allocation.restart();
+        }
         if let Some(responses) = &mut self.responses {
             *responses = ResponseSums::new(&self.plan, responses.film().has_variance());
         }
-        if let Some(allocation) = &mut self.allocation {
-            allocation.restart();
-        }
         self.done = Iterations::default();
         (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);
-        (self.following, self.ahead) = (Following::Unknown, None);
+        (self.following, self.ahead, self.counts_ahead) = (Following::Unknown, None, None);
         self.merged = MergedLight::default();
     }
 }

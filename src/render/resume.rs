@@ -2,7 +2,7 @@
 
 use super::samples::MAX_SHARE;
 use super::schedule::{Following, Rendered, samples_before};
-use super::{Renderer, ResponseSums};
+use super::{Allocation, Renderer, ResponseSums};
 use crate::error::{Error, Result};
 use crate::image::accumulation::{About, Accumulation, AdaptiveState};
 
@@ -12,7 +12,7 @@ impl Renderer {
     #[doc(hidden)]
     pub fn about(&self, render: &About, seconds: f64) -> About {
         About {
-            samples_per_pixel: self.film.samples(),
+            samples_per_pixel: self.rendered().samples,
             dropped: self.dropped(),
             seconds,
             iterations: self.done.clone(),
@@ -31,7 +31,7 @@ impl Renderer {
     /// The iterations so far.
     #[doc(hidden)]
     pub fn rendered(&self) -> Rendered {
-        let (iterations, samples) = (self.film.iterations(), self.film.samples());
+        let (iterations, samples) = self.sums.length();
         Rendered { end: self.next, iterations, samples, is_dark: self.is_dark() }
     }
 
@@ -50,7 +50,7 @@ impl Renderer {
     /// The state of adaptive sampling; `None` if the sampling is uniform.
     #[doc(hidden)]
     pub fn adaptive_state(&self) -> Option<AdaptiveState> {
-        self.allocation.as_ref().map(|allocation| allocation.state())
+        self.sums.get().allocation.as_ref().map(Allocation::state)
     }
 
     /// Continues the render of `earlier`, which has the same settings and the same scene. The film becomes its film, and the next
@@ -61,24 +61,25 @@ impl Renderer {
     pub fn resume(&mut self, earlier: Accumulation) -> Result<()> {
         let Accumulation { about, film, responses, adaptive, .. } = earlier;
         let count = self.responses().map_or(1, |film| film.responses());
-        let fits = (film.width(), film.height()) == (self.film.width(), self.film.height())
+        let own = self.sums.get_mut();
+        let fits = (film.width(), film.height()) == (own.film.width(), own.film.height())
             && responses.as_ref().map_or(1, |film| film.responses()) == count
-            && (adaptive.is_none() || self.allocation.is_some());
+            && (adaptive.is_none() || own.allocation.is_some());
         if !fits {
             return Err(Error::settings("the sums of the earlier render do not fit the image of this one"));
         }
-        self.film = film;
+        own.film = film;
+        if let (Some(allocation), Some(state)) = (&mut own.allocation, &adaptive) {
+            allocation.resume(state);
+        }
         if let (Some(sums), Some(film)) = (&mut self.responses, responses) {
             *sums = ResponseSums::new(&self.plan, film.has_variance());
             sums.resume(film);
         }
-        if let (Some(allocation), Some(state)) = (&mut self.allocation, &adaptive) {
-            allocation.resume(state);
-        }
         (self.next, self.first_sample) = (about.iterations.end(), about.next_sample);
         (self.done, self.dropped_before) = (about.iterations, about.dropped);
         self.merged = about.merged.unwrap_or_default();
-        self.ahead = None;
+        (self.ahead, self.counts_ahead) = (None, None);
         Ok(())
     }
 
@@ -92,6 +93,6 @@ impl Renderer {
     pub(super) fn first_sample_after_gap(&self, number: u32) -> u32 {
         let before = samples_before(number) as u32;
         // With adaptive sampling a pixel may have had this many samples in the iterations before.
-        if self.allocation.is_some() { MAX_SHARE * before } else { before }
+        if self.plan.adaptive { MAX_SHARE * before } else { before }
     }
 }

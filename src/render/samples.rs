@@ -152,13 +152,13 @@ impl Allocation {
     /// counts are equal until each pixel has two samples.
     pub fn counts(&self, samples: u32) -> SampleCounts {
         let errors = if self.iterations < FIRST_WITHOUT_LAST { self.errors() } else { &self.without_last };
-        if samples == 1 || errors.iter().all(|&error| error == 0.0) {
-            return SampleCounts::Uniform(samples);
-        }
-        let wanted = f64::from(samples);
-        let (min, max) = ((MIN_SHARE * wanted).max(1.0), f64::from(MAX_SHARE * samples));
-        let factor = factor(errors, wanted - min, max - min);
-        round_shares(errors.iter().map(|&error| (min + factor * error).min(max)), self.iterations)
+        counts_by(errors, samples, self.iterations)
+    }
+
+    /// As [`Allocation::counts`] for the iteration after the next one; `None` if they depend on the next one.
+    pub fn counts_after_next(&self, samples: u32) -> Option<SampleCounts> {
+        let next = self.iterations + 1;
+        (next >= FIRST_WITHOUT_LAST).then(|| counts_by(self.errors(), samples, next))
     }
 
     /// The error of each pixel: the square root of variance / luminance^2, without infinities, and 0 only if all are 0 or unknown.
@@ -209,14 +209,14 @@ impl Renderer {
     /// uniform.
     pub fn samples_in_pixels(&self) -> [u64; 2] {
         let samples = self.samples_of_pixels();
-        let average = self.film.samples();
+        let average = self.rendered().samples;
         [samples.iter().min().map_or(average, |&n| n.into()), samples.iter().max().map_or(average, |&n| n.into())]
     }
 
     /// Number of samples of each pixel of the crop so far, row-major; empty if each has [`Film::samples`].
     #[doc(hidden)]
     pub fn samples_of_pixels(&self) -> Vec<u32> {
-        match &self.allocation {
+        match &self.sums.get().allocation {
             Some(allocation) if !self.plan.dark => allocation.pixels.iter().map(|pixel| pixel.samples as u32).collect(),
             _ => vec![],
         }
@@ -253,6 +253,17 @@ fn factor(errors: &[f64], wanted: f64, max: f64) -> f64 {
         factor = next;
     }
     factor
+}
+
+/// Counts for iteration `iteration` in proportion to `errors`, see [`Allocation::counts`].
+fn counts_by(errors: &[f64], samples: u32, iteration: u32) -> SampleCounts {
+    if samples == 1 || errors.iter().all(|&error| error == 0.0) {
+        return SampleCounts::Uniform(samples);
+    }
+    let wanted = f64::from(samples);
+    let (min, max) = ((MIN_SHARE * wanted).max(1.0), f64::from(MAX_SHARE * samples));
+    let factor = factor(errors, wanted - min, max - min);
+    round_shares(errors.iter().map(|&error| (min + factor * error).min(max)), iteration)
 }
 
 /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel. So every
@@ -379,8 +390,11 @@ mod tests {
         }
         // The iteration after the next one follows it.
         let mut allocation = with_another_last(4, 900.0);
+        let early = allocation.counts_after_next(8);
         allocation.add(&[[1.0, 1.0, 1.0, 20.0]; 200], &[1.0; 600], &SampleCounts::Uniform(4), 4);
         assert!(counts(&allocation, 8)[19] > counts(&allocation, 8)[0]);
+        assert_eq!(early, Some(allocation.counts(8)));
+        assert_eq!(after(|_| 20.0).counts_after_next(8), None, "they depend on the next iteration");
     }
 
     #[test]

@@ -19,6 +19,7 @@ pub(super) mod stage {
     pub const ALLOCATE_SAMPLES: &str = "allocate samples";
     pub const READ_FILM: &str = "read film";
     pub const ADD_TO_FILM: &str = "add to film";
+    pub const WAIT_FOR_FILM: &str = "wait for film of the iteration before";
     pub const WAIT_FOR_LIGHT: &str = "wait for light of the next iteration";
     pub const SORT_ARRIVALS: &str = "sort arrivals into responses";
 }
@@ -34,7 +35,7 @@ pub struct Stage {
 
 impl Stage {
     /// Stages from `parts` (name, seconds), the longest first. The last stage, `unexplained`, is the rest of the `wall` seconds and of
-    /// the seconds of a second thread, `beside`.
+    /// the seconds of other threads, `beside`.
     pub fn list(parts: impl IntoIterator<Item = (String, f64)>, wall: f64, beside: f64) -> Vec<Stage> {
         let stage = |(name, seconds)| Stage { name, seconds, share: seconds / wall.max(1e-9) };
         let mut all: Vec<Stage> = parts.into_iter().map(stage).collect();
@@ -77,7 +78,8 @@ pub struct Stats {
     pub host_seconds: BTreeMap<String, f64>,
     /// Wall time of all submits in seconds, including the wait for the device.
     pub submit_seconds: f64,
-    /// Seconds in which a second thread worked on the light of the next iteration. Its stages are in the other fields too.
+    /// Seconds of work on other iterations in other threads: the light of the next one, the film of the one before. Its stages are in the
+    /// other fields too.
     pub beside_seconds: f64,
     /// Seconds before the first iteration, per stage.
     pub prepare_seconds: BTreeMap<String, f64>,
@@ -105,21 +107,21 @@ impl Stats {
         Ok(seconds)
     }
 
-    /// Adds the counts and times of phases 1 and 2 of an iteration.
-    pub(super) fn add_light(&mut self, light: &Stats) {
-        self.light_paths += light.light_paths;
-        self.emitter_vertices += light.emitter_vertices;
-        self.scattered_vertices += light.scattered_vertices;
-        self.deterministic_vertices += light.deterministic_vertices;
-        self.closest_rays += light.closest_rays;
-        self.light_rays += light.light_rays;
-        self.inside_gate += light.inside_gate;
-        self.dropped += light.dropped;
-        self.submit_seconds += light.submit_seconds;
-        self.beside_seconds += light.beside_seconds;
-        self.longest_submit = self.longest_submit.max(light.longest_submit);
-        light.device_seconds.iter().for_each(|(label, &seconds)| add(&mut self.device_seconds, label, seconds));
-        light.host_seconds.iter().for_each(|(stage, &seconds)| add(&mut self.host_seconds, stage, seconds));
+    /// Adds the counts and times of phases 1 and 2 of an iteration, or of work on its film.
+    pub(super) fn add_part(&mut self, part: &Stats) {
+        self.light_paths += part.light_paths;
+        self.emitter_vertices += part.emitter_vertices;
+        self.scattered_vertices += part.scattered_vertices;
+        self.deterministic_vertices += part.deterministic_vertices;
+        self.closest_rays += part.closest_rays;
+        self.light_rays += part.light_rays;
+        self.inside_gate += part.inside_gate;
+        self.dropped += part.dropped;
+        self.submit_seconds += part.submit_seconds;
+        self.beside_seconds += part.beside_seconds;
+        self.longest_submit = self.longest_submit.max(part.longest_submit);
+        part.device_seconds.iter().for_each(|(label, &seconds)| add(&mut self.device_seconds, label, seconds));
+        part.host_seconds.iter().for_each(|(stage, &seconds)| add(&mut self.host_seconds, stage, seconds));
     }
 
     /// Counts rays of light subpaths.
@@ -153,9 +155,9 @@ impl Stats {
         add(&mut self.prepare_seconds, stage, seconds);
     }
 
-    /// Divides the `wall` seconds of the iterations, and the seconds of the second thread, into stages: each kernel by its timestamps,
+    /// Divides the `wall` seconds of the iterations, and the seconds of other threads, into stages: each kernel by its timestamps,
     /// the rest of the submits, and each host stage, the longest first. The last stage, `unexplained`, is the remaining time. It is
-    /// negative if the clocks of host and device disagree. Shares are those of the `wall` seconds. So with a second thread their sum
+    /// negative if the clocks of host and device disagree. Shares are those of the `wall` seconds. So with other threads their sum
     /// exceeds 1.
     pub fn stages(&self, wall: f64) -> Vec<Stage> {
         let kernels: f64 = self.device_seconds.values().sum();

@@ -45,8 +45,14 @@ fn a_check_needs_a_device_that_exists() {
 
 /// Runs a command in `folder` whose device counts as lost after `submits` submits. Returns the message.
 fn lost_after(submits: &str, folder: &Path, arguments: &[&str]) -> String {
+    lost_with("", submits, folder, arguments)
+}
+
+/// As [`lost_after`], with this number of iterations in flight; empty for that of the device.
+fn lost_with(in_flight: &str, submits: &str, folder: &Path, arguments: &[&str]) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
-    let output = command.args(arguments).current_dir(folder).env("TAUGATE_LOST_AFTER", submits).output().unwrap();
+    command.env("TAUGATE_LOST_AFTER", submits).env("TAUGATE_IN_FLIGHT", in_flight);
+    let output = command.args(arguments).current_dir(folder).output().unwrap();
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(4), "{message}");
     assert!(message.contains("error: device: the device was lost while waiting for the device"), "{message}");
@@ -59,16 +65,20 @@ fn a_lost_device_does_not_take_the_image_with_it() {
     let here = folder.path();
     assert!(crate::taugate(here, &["generate", "cornell-box", "-o", "box.glb"]).status.success());
     let render = ["render", "box.glb", "--resolution", "8x8", "--light-paths", "100", "--max-depth", "4", "-q", "-o"];
-    for gates in [["--gate", "5m..6m"], ["--gates", "4m..8m/4"]] {
+    let (one, many) = (["--gate", "5m..6m"], ["--gates", "4m..8m/4"]);
+    for (gates, in_flight) in [(one, "1"), (one, "2"), (many, "1"), (many, "2")] {
         let lost = [&render[..], &["lost.exr", "--spp", "10000"], &gates].concat();
-        let message = lost_after("150", here, &lost);
+        let message = lost_with(in_flight, "150", here, &lost);
         let samples = message.split("the files hold the ").nth(1).unwrap_or_else(|| panic!("{message}"));
         let samples = samples.split(' ').next().unwrap();
         assert!(
             crate::taugate(here, &[&render[..], &["whole.exr", "--spp", samples], &gates].concat()).status.success()
         );
         let [lost, whole] = ["lost.exr", "whole.exr"].map(|name| read_picture(&here.join(name)).unwrap());
-        assert!(lost.rgb == whole.rgb && lost.variance == whole.variance, "{gates:?}: {samples} samples");
+        assert!(
+            lost.rgb == whole.rgb && lost.variance == whole.variance,
+            "{gates:?}, {in_flight} in flight: {samples} samples"
+        );
     }
     // Without an iteration there is no image.
     let message = lost_after("1", here, &[&render[..], &["none.exr"]].concat());

@@ -1,7 +1,5 @@
 //! Buffers of the sensor subpaths: their sizes, their names in WGSL, and reading the film back.
 
-use rayon::prelude::*;
-
 use super::tiles::{TilePixel, TileSample};
 use crate::error::Result;
 use crate::estimators::Ellipsoids;
@@ -12,9 +10,6 @@ use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{
     AuxiliaryPoint, Candidate, FogSegment, PathState, PathVertex, SensorContribution, TriangleChoice,
 };
-
-/// Number of pixels that a thread adds at a time.
-const PART: usize = 1 << 12;
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers<A: Allocate = Device> {
@@ -131,7 +126,7 @@ impl Buffers {
         ]
     }
 
-    /// Records the copy of the film to the host, for [`Buffers::add_film`]. `merges`: also for [`Buffers::merged_light`].
+    /// Records the copy of the film to the host, for [`Buffers::film`]. `merges`: also for [`Buffers::merged_light`].
     pub fn read_film(&self, merges: bool, recorder: &mut Recorder) -> Result<()> {
         if merges {
             recorder.read_back(&self.merged_film, self.merged_film.buffer().size())?;
@@ -145,19 +140,8 @@ impl Buffers {
         self.merged_film.with::<f32, _>(pixels, mean)
     }
 
-    /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image.
-    pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<()> {
-        // `with` holds a lock of the queue. A thread that waits for rayon may take over a task that needs the same lock, so only a
-        // copy is shared among threads.
-        let film = self.film.with::<[f32; 4], _>(image.len() / 3, <[_]>::to_vec)?;
-        image.par_chunks_mut(3 * PART).zip(film.par_chunks(PART)).for_each(|(image, film)| {
-            for (to, from) in image.chunks_exact_mut(3).zip(film) {
-                for k in 0..3 {
-                    to[k] += from[k];
-                }
-            }
-        });
-        visit(&film, image);
-        Ok(())
+    /// The film: per pixel, the mean RGB of its samples, and in w the sum of their squared luminances.
+    pub fn film(&self, pixels: usize) -> Result<Vec<[f32; 4]>> {
+        self.film.with(pixels, <[_]>::to_vec)
     }
 }

@@ -100,18 +100,14 @@ impl SensorObjects {
         SensorSubpaths::start(&mut self.tracer, &self.bindings, plan, tile, pool, stats)
     }
 
-    /// Adds the mean of each pixel to `image` (RGB, row-major), and returns the mean luminance of the merged light. `visit`: see
-    /// [`Buffers::add_film`]. Fails without a call of `visit` if the device's counts contradict each other.
-    pub fn add_film(
-        &self,
-        image: &mut [f32],
-        visit: impl FnOnce(&[[f32; 4]], &[f32]),
-        stats: &mut Stats,
-    ) -> Result<f64> {
+    /// The film of so many pixels, see [`Buffers::film`], and the mean luminance of the merged light. Fails if the device's counts
+    /// contradict each other.
+    pub fn film(&self, pixels: usize, stats: &mut Stats) -> Result<(Vec<[f32; 4]>, f64)> {
         // Samples of later iterations must not follow a film that is wrong.
         stats.check()?;
         let SensorTracer { buffers, kernels, .. } = &self.tracer;
-        stats.timed(stage::READ_FILM, || buffers.add_film(image, visit))?;
-        if kernels.merge.is_some() { buffers.merged_light(image.len() / 3) } else { Ok(0.0) }
+        let film = stats.timed(stage::READ_FILM, || buffers.film(pixels))?;
+        let merged = if kernels.merge.is_some() { buffers.merged_light(pixels)? } else { 0.0 };
+        Ok((film, merged))
     }
 }
