@@ -237,3 +237,35 @@ fn add_beside(sums: &Sums, samples: Option<u32>) -> (Option<SampleCounts>, Stats
     stats.beside_seconds = start.elapsed().as_secs_f64();
     (counts, stats)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::generate::{Kind, build};
+    use crate::gpu::Device;
+    use crate::render::schedule::{Following, Planned};
+    use crate::render::{Renderer, Tuning};
+    use crate::settings::{Estimator, Sampling, Settings};
+
+    /// The image of the last iteration is not in the film yet when the samples of the next one are known.
+    #[test]
+    fn samples_of_the_next_iteration_are_chosen_beside_this_one() {
+        let settings =
+            Settings::builder().estimator(Estimator::Bdpt).resolution([8, 8]).light_paths(100).splat_paths(0);
+        let settings = settings.sampling(Sampling::Adaptive).build().unwrap();
+        let device = Device::open(None).expect("this test needs a Vulkan device: run ./setup.sh");
+        let tuning = Tuning { in_flight: Some(2), ..Tuning::default() };
+        let mut renderer = Renderer::with_tuning(&device, &build(Kind::CornellBox), &settings, tuning).unwrap();
+        for number in 0..6 {
+            let next = Planned { number: number + 1, samples: 3, after_gap: false };
+            renderer.announce(Following::Iteration(next));
+            renderer.iterate(if number == 0 { 2 } else { 3 }).unwrap();
+            // The first ones follow the iteration just before.
+            assert_eq!(renderer.counts_ahead.is_some(), number >= 2, "iteration {number}");
+            assert!(!renderer.sums.has_all());
+        }
+        let chosen = renderer.counts_ahead.clone();
+        assert_eq!(chosen, Some((3, renderer.sums.get().allocation.as_ref().unwrap().counts(3))));
+        renderer.restart(7, renderer.plan.responses.clone()).unwrap();
+        assert!(renderer.counts_ahead.is_none());
+    }
+}

@@ -86,6 +86,12 @@ impl Sums {
         self.added.wait();
     }
 
+    /// Whether the last iteration is added.
+    #[cfg(test)]
+    pub fn has_all(&self) -> bool {
+        self.added.get().is_some()
+    }
+
     /// Number of iterations, and of samples per pixel, without adding the last iteration.
     pub fn length(&self) -> (u32, u64) {
         let last = self.locked();
