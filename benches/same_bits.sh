@@ -31,6 +31,7 @@ cornell-box --estimator bdpt --spp 16
 cornell-box --estimator bdpt --gate 6.2m..6.5m --spp 16
 cornell-box --estimator lcs-paper --spp 16
 cornell-box --estimator lcs-paper --gate 6.2m..6.5m --sampling adaptive --spp 16
+cornell-box --estimator lcs-paper --queries 24 --gate 6.2m..6.5m --spp 8
 cornell-box --estimator lcs --spp 16
 cornell-box --estimator lcs --gate 6.2m..6.5m --spp 16
 cornell-box --estimator lcs --gate 6.2m..6.5m --sampling uniform --crop 8,40,16,32 --spp 16

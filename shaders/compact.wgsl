@@ -1,9 +1,11 @@
 // Stable compaction in three steps: count the members of each chunk, compute prefix sums of the counts, scatter the members.
 // It uses no atomics, so lists keep their order.
+#import candidate
 #import frame
 #import math
 
-// One texel holds four entries. Bit 0: the entry goes to list_a, bit 1: the entry goes to list_b.
+// One texel holds four entries. With two output lists, bit 0: the entry goes to list_a, bit 1: the entry goes to list_b. With one, an
+// entry stands for the candidate slots of a shade point: see SLOTS_PER_MARK.
 @group(2) @binding(0) var marks: texture_1d<u32>;
 // The path that each entry stands for.
 @group(2) @binding(1) var<storage, read> source: array<u32>;
@@ -25,23 +27,38 @@ const SCAN_THREADS: u32 = 64u;
 const LISTS: u32 = 4u;
 
 // Number of entries to compact. With two output lists, the entries are the paths of the input list. With one output list, the
-// entries are the candidate slots of the shade points in the input list.
+// entries are the marks of the shade points in the input list.
 fn entry_count() -> u32 {
-    return counters[dispatch.counter] * select(1u, frame.slots, dispatch.list_b == NONE);
+    return counters[dispatch.counter] * select(1u, mark_words(), dispatch.list_b == NONE);
 }
 
-// Members of the chunk that begins at entry `first` < n, one bit per entry: x for list_a, y for list_b. Entries from n on are
-// not members.
+// Entries with members in the chunk that begins at entry `first` < n, one bit per entry: x for list_a, y for list_b. Entries from n on have
+// no members. With one output list, y has no meaning.
 fn chunk_members(first: u32, n: u32) -> vec2<u32> {
     var members = vec2<u32>(0u);
     for (var i = 0u; i < CHUNK; i += 4u) {
         let four = textureLoad(marks, (first + i) / 4u, 0);
         let place = vec4<u32>(0u, 1u, 2u, 3u) + i;
-        let a = (four & vec4<u32>(1u)) << place;
+        let a = select(four & vec4<u32>(1u), min(four, vec4<u32>(1u)), dispatch.list_b == NONE) << place;
         let b = ((four >> vec4<u32>(1u)) & vec4<u32>(1u)) << place;
         members |= vec2<u32>(a.x | a.y | a.z | a.w, b.x | b.y | b.z | b.w);
     }
     return members & vec2<u32>(0xffffffffu >> (CHUNK - min(CHUNK, n - first)));
+}
+
+// Number of members of the chunk that begins at entry `first` < n: x of list_a, y of list_b.
+fn count_members(first: u32, n: u32) -> vec2<u32> {
+    if (dispatch.list_b != NONE) {
+        return countOneBits(chunk_members(first, n));
+    }
+    var count = 0u;
+    for (var i = 0u; i < CHUNK; i += 4u) {
+        let four = countOneBits(textureLoad(marks, (first + i) / 4u, 0));
+        let inside = vec4<u32>(0u, 1u, 2u, 3u) + (first + i) < vec4<u32>(n);
+        let counted = select(vec4<u32>(0u), four, inside);
+        count += counted.x + counted.y + counted.z + counted.w;
+    }
+    return vec2<u32>(count, 0u);
 }
 
 var<workgroup> partial: array<vec2<u32>, SCAN_THREADS>;
@@ -81,7 +98,7 @@ fn compact_count(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = entry_count();
     let first = id.x * CHUNK;
     if (first < n) {
-        chunk_counts[id.x] = countOneBits(chunk_members(first, n));
+        chunk_counts[id.x] = count_members(first, n);
     }
 }
 
@@ -110,7 +127,7 @@ fn compact_short(@builtin(local_invocation_index) thread: u32) {
     let share = share_of_chunks(thread);
     var sum = vec2<u32>(0u);
     for (var i = share.x; i < share.y; i++) {
-        sum += countOneBits(chunk_members(i * CHUNK, n));
+        sum += count_members(i * CHUNK, n);
     }
     let sums = sums_over_threads(thread, sum);
     var position = sums.before;
@@ -134,7 +151,7 @@ fn set_length(list: u32, length: u32) {
     counters[list] = length;
     counters[COUNTER_TOTALS + list] += length;
     set_workgroups(list, length);
-    let entries = length * select(1u, frame.slots, list == dispatch.list_b);
+    let entries = length * select(1u, mark_words(), list == dispatch.list_b);
     set_workgroups(LISTS + list, chunks_of(entries));
 }
 
@@ -158,23 +175,31 @@ fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
 fn scatter_chunk(first: u32, n: u32, position: vec2<u32>) -> vec2<u32> {
     let members = chunk_members(first, n);
     var to = position;
+    if (dispatch.list_b == NONE) {
+        for (var rest = members.x; rest != 0u; rest &= rest - 1u) {
+            to.x = list_slots(first + firstTrailingBit(rest), to.x);
+        }
+        return to;
+    }
     for (var rest = members.x; rest != 0u; rest &= rest - 1u) {
-        list_a[to.x] = payload(first + firstTrailingBit(rest));
+        list_a[to.x] = source[first + firstTrailingBit(rest)];
         to.x += 1u;
     }
-    if (dispatch.list_b != NONE) {
-        for (var rest = members.y; rest != 0u; rest &= rest - 1u) {
-            list_b[to.y] = payload(first + firstTrailingBit(rest));
-            to.y += 1u;
-        }
+    for (var rest = members.y; rest != 0u; rest &= rest - 1u) {
+        list_b[to.y] = source[first + firstTrailingBit(rest)];
+        to.y += 1u;
     }
     return to;
 }
 
-// The value that a list stores for an entry: its path if there are two output lists, otherwise the number of the entry (a slot).
-fn payload(entry: u32) -> u32 {
-    if (dispatch.list_b == NONE) {
-        return entry;
+// Writes the slots in the mark `entry` to list_a from `position` on. Returns the position after the last one.
+fn list_slots(entry: u32, position: u32) -> u32 {
+    let rank = entry / mark_words();
+    let first = rank * frame.slots + (entry - rank * mark_words()) * SLOTS_PER_MARK;
+    var to = position;
+    for (var rest = textureLoad(marks, entry / 4u, 0)[entry % 4u]; rest != 0u; rest &= rest - 1u) {
+        list_a[to] = first + firstTrailingBit(rest);
+        to += 1u;
     }
-    return source[entry];
+    return to;
 }

@@ -45,7 +45,6 @@ fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);
     var rng = random_words(STREAM_QUERY, sensor.index, sensor.sample, q.flags & VERTEX_DEPTH, ELLIPSOID_STREAM, frame.seed).x;
-    let slot = rank * frame.slots + frame.slots - 1u;
     // With a single tree, the 3D tree holds only punctual lights, if queries choose them. Its vertices come before those of the 4D tree.
     let lamps = frame.deterministic_count + select(0u, frame.emitter_vertex_count, QUERIED_PUNCTUAL);
     let others = frame.vertex_count - lamps;
@@ -88,5 +87,11 @@ fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     auxiliary_points[rank] = chosen;
-    write_candidate(slot, select(chosen_vertex | ELLIPSOIDAL, NONE, chosen_vertex == NONE), sum / chosen_target);
+    if (chosen_vertex != NONE) {
+        let slot = frame.slots - 1u;
+        let weight = sum / chosen_target;
+        candidates[rank * frame.slots + slot] = Candidate(chosen_vertex | ELLIPSOIDAL, weight);
+        marks[rank * mark_words() + slot / SLOTS_PER_MARK] |= 1u << (slot % SLOTS_PER_MARK);
+        tallies[q.owner].w += select(0u, 1u, weight > 0.0);
+    }
 }

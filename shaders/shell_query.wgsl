@@ -34,36 +34,36 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
     let item = begin_work_item(rank);
     var used = item.used;
     if (ESTIMATOR == ESTIMATOR_PT) {
-        used = query_emitter(item.q, item.index, item.sample, item.depth, item.first, used);
+        used = query_emitter(item.q, item.index, item.sample, item.depth, used);
     } else if (ESTIMATOR == ESTIMATOR_BDPT || ESTIMATOR == ESTIMATOR_EPC) {
-        used = query_light_path(item.q, item.index, item.sample, item.first, used);
+        used = query_light_path(item.q, item.index, item.sample, used);
     } else if (ESTIMATOR == ESTIMATOR_LCS_BY_TIME) {
         if (item.is_open) {
-            used = query_by_time(item.q, item.index, item.sample, item.depth, item.first, used);
+            used = query_by_time(item.q, item.index, item.sample, item.depth, used);
         }
     } else {
-        used = query_trees(item.q, item.index, item.sample, item.depth, item.first, used);
+        used = query_trees(item.q, item.index, item.sample, item.depth, used);
     }
-    clear_slots(item.first, used);
+    end_work_item(item.q.owner);
 }
 
-fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {
+fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, used: u32) -> u32 {
     let first = frame.deterministic_count;
     let n = frame.emitter_vertex_count;
     if (n == 0u) {
         return used;
     }
     let words = random_words(STREAM_QUERY, index, sample, depth, 1u, frame.seed);
-    write_candidate(slot + used, connectable_or_none(q, first + random_below(words.xy, n)), f32(n));
+    write_candidate(used, connectable_or_none(q, first + random_below(words.xy, n)), f32(n));
     return used + 1u;
 }
 
-fn query_light_path(q: PathVertex, index: u32, sample: u32, slot: u32, used: u32) -> u32 {
+fn query_light_path(q: PathVertex, index: u32, sample: u32, used: u32) -> u32 {
     let path = random_below(random_words(STREAM_QUERY, index, sample, 0u, 1u, frame.seed).xy, frame.light_paths);
     let first = path_offsets[path];
     let count = min(path_offsets[path + 1u] - first, frame.slots - used);
     for (var i = 0u; i < count; i++) {
-        write_candidate(slot + used + i, connectable_or_none(q, first + i), f32(frame.light_paths));
+        write_candidate(used + i, connectable_or_none(q, first + i), f32(frame.light_paths));
     }
     return used + count;
 }
@@ -82,7 +82,7 @@ fn vertices_before(tau: f32, first: u32, count: u32) -> u32 {
 }
 
 // Systematic sampling: each of the n vertices is drawn with probability K / n, and all of them if n is at most K.
-fn query_by_time(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {
+fn query_by_time(q: PathVertex, index: u32, sample: u32, depth: u32, used: u32) -> u32 {
     if (frame.tree4_root == NONE) {
         return used;
     }
@@ -102,12 +102,12 @@ fn query_by_time(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, 
         // k n / count, rounded down, without overflow.
         let step = k * (n / count) + (k * (n % count)) / count;
         let vertex = first + begin + (offset + step) % n;
-        write_candidate(slot + used + k, connectable_or_none(q, vertex), f32(n) / f32(count));
+        write_candidate(used + k, connectable_or_none(q, vertex), f32(n) / f32(count));
     }
     return used + count;
 }
 
-fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used_before: u32) -> u32 {
+fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, used_before: u32) -> u32 {
     let shell = make_shell(q);
     var used = used_before;
     // One loop serves both trees: a second traversal would double the kernel's code.
@@ -124,7 +124,7 @@ fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, us
         }
         // 1 / P is at least 1, except that it is 0 at a dead node. A dead node counts as a tried connection too, so its
         // weight is not 0.
-        write_candidate(slot + used, vertex, max(found.weight, 1.0) / f32(frame.queries));
+        write_candidate(used, vertex, max(found.weight, 1.0) / f32(frame.queries));
         used += 1u;
     }
     return used;

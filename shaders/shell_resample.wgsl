@@ -13,7 +13,7 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let item = begin_work_item(rank);
     if (!item.is_open) {
-        clear_slots(item.first, item.used);
+        end_work_item(item.q.owner);
         return;
     }
     let q = item.q;
@@ -26,8 +26,8 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
             continue;
         }
         var rng = random_words(STREAM_QUERY, item.index, item.sample, item.depth, 16u + tree, frame.seed).x;
-        resample(root, q, receiver, item.first + used, &rng);
+        resample(root, q, receiver, used, &rng);
         used += TIME_GROUPS;
     }
-    clear_slots(item.first, used);
+    end_work_item(q.owner);
 }

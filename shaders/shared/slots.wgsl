@@ -10,7 +10,10 @@
 @group(2) @binding(1) var<storage, read> list: array<u32>;
 @group(2) @binding(2) var<storage, read> counters: array<u32>;
 @group(2) @binding(3) var<storage, read_write> candidates: array<Candidate>;
+// See SLOTS_PER_MARK.
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
+// Counts per path, see gather.wgsl.
+@group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
 // With DRAWS_IN_GATE only: the segments before the shade points.
 @group(2) @binding(9) var<storage, read> segments: array<FogSegment>;
 
@@ -20,10 +23,32 @@ const DETERMINISTIC_SLOTS: u32 = 8u;
 // 2^32 / DETERMINISTIC_SLOTS: width of the strata of the draws.
 const DRAW_STRATUM: u32 = 0x20000000u;
 
-// Fills a slot; `vertex` is NONE for an empty slot. Compaction keeps the slots with mark 1.
+// The shade point whose slots are being filled: its position in the list, the number of its present word in `marks`, this word, and how
+// many connections were tried.
+var<private> slots_rank: u32;
+var<private> mark_number: u32 = 0u;
+var<private> mark: u32 = 0u;
+var<private> tried: u32 = 0u;
+
+// Fills slot number `slot` of the shade point, in ascending order; `vertex` is NONE if it stays empty. A connection was tried if its weight
+// is above 0, even if it was ruled out.
 fn write_candidate(slot: u32, vertex: u32, weight: f32) {
-    candidates[slot] = Candidate(vertex, weight);
-    marks[slot] = select(1u, 0u, vertex == NONE);
+    write_marks(slot / SLOTS_PER_MARK);
+    tried += select(0u, 1u, weight > 0.0);
+    if (vertex != NONE) {
+        candidates[slots_rank * frame.slots + slot] = Candidate(vertex, weight);
+        mark |= 1u << (slot % SLOTS_PER_MARK);
+    }
+}
+
+// Writes the marks of the shade point up to word number `end`.
+fn write_marks(end: u32) {
+    if (HAS_MANY_SLOTS) {
+        for (; mark_number < end; mark_number++) {
+            marks[slots_rank * mark_words() + mark_number] = mark;
+            mark = 0u;
+        }
+    }
 }
 
 // 2^-22. Two points whose distance is below this fraction of their largest coordinate count as one point: floats hardly tell
@@ -76,16 +101,16 @@ fn draw_deterministic(u: u32) -> Candidate {
     return Candidate(lo, 4294967296.0 / f32(draws));
 }
 
-// Writes the deterministic vertices to the slots from `slot` on, each `event_count` times, for connections that are drawn in the gate
-// (fog.wgsl). Returns the number of slots used.
-fn query_segment(q: PathVertex, sensor: SensorSample, slot: u32) -> u32 {
+// Writes the deterministic vertices to the first slots, each `event_count` times, for connections that are drawn in the gate (fog.wgsl).
+// Returns the number of slots used.
+fn query_segment(q: PathVertex, sensor: SensorSample) -> u32 {
     let segment = segments[q.owner];
     let events = event_count();
     for (var i = 0u; i < frame.deterministic_count; i++) {
         let v = load_light_vertex(i);
         for (var number = 0u; number < events; number++) {
             let can_draw = can_draw_in_gate(q, segment, v, event_gate(q, number, sensor));
-            write_candidate(slot + i * events + number, select(NONE, i, can_draw), f32(event_cycle(q)));
+            write_candidate(i * events + number, select(NONE, i, can_draw), f32(event_cycle(q)));
         }
     }
     return frame.deterministic_count * events;
@@ -115,8 +140,7 @@ struct WorkItem {
     index: u32,
     sample: u32,
     depth: u32,
-    // The first slot, and the number of slots used.
-    first: u32,
+    // Number of slots used.
     used: u32,
     // Whether light vertices may be connected to q itself.
     is_open: bool,
@@ -128,25 +152,28 @@ fn begin_work_item(rank: u32) -> WorkItem {
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);
     let depth = q.flags & VERTEX_DEPTH;
-    let first = rank * frame.slots;
+    slots_rank = rank;
     var used = 0u;
     if (DRAWS_IN_GATE) {
-        used = query_segment(q, sensor, first);
+        used = query_segment(q, sensor);
         if ((q.flags & VERTEX_SEGMENT_ONLY) != 0u) {
-            return WorkItem(q, sensor.index, sensor.sample, depth, first, used, false);
+            return WorkItem(q, sensor.index, sensor.sample, depth, used, false);
         }
     }
-    used += query_deterministic(q, sensor.index, sensor.sample, depth, first + used);
+    used += query_deterministic(q, sensor.index, sensor.sample, depth, used);
     if (HAS_SKY) {
-        write_candidate(first + used, SKY_VERTEX, 1.0);
+        write_candidate(used, SKY_VERTEX, 1.0);
         used += 1u;
     }
-    return WorkItem(q, sensor.index, sensor.sample, depth, first, used, true);
+    return WorkItem(q, sensor.index, sensor.sample, depth, used, true);
 }
 
-// Empties the slots that were not used.
-fn clear_slots(first: u32, used: u32) {
-    for (var i = used; i < frame.slots; i++) {
-        write_candidate(first + i, NONE, 0.0);
+// Ends a work item: writes what compaction and `gather` need to know about the slots. `path`: the sensor subpath of the shade point.
+fn end_work_item(path: u32) {
+    if (HAS_MANY_SLOTS) {
+        write_marks(mark_words());
+    } else {
+        marks[slots_rank] = mark;
     }
+    tallies[path].w += tried;
 }

@@ -308,6 +308,20 @@ impl Plan {
         })
     }
 
+    /// A number of candidate slots that [`Plan::slots`] never exceeds, whatever the pool is.
+    pub fn slot_limit(&self) -> u32 {
+        self.slots(&PoolLayout {
+            deterministic: if self.max_deterministic > 0 { DETERMINISTIC_SLOTS } else { 0 },
+            emitter_vertices: 1,
+            tree3_root: 0,
+            tree4_root: 0,
+            longest_path: self.max_depth,
+            vertices: 0,
+            photon_list_mask: 0,
+            photon_levels: NO_LEVELS,
+        })
+    }
+
     /// The frame of an iteration. `pool` is `None` for the light subpaths. For the sensor subpaths it is the pool's layout and
     /// the number of candidate slots per shade point.
     pub fn frame(&self, iteration: &Iteration, pool: Option<(&PoolLayout, u32)>) -> Frame {

@@ -12,7 +12,7 @@ mod tiles;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::compaction::{COUNTERS, indirect_over};
+use super::compaction::{COUNTERS, indirect_over, mark_words};
 use super::plan::{Observe, Plan};
 use super::pool::DevicePool;
 use super::samples::MAX_SAMPLES_PER_PIXEL;

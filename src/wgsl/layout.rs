@@ -209,6 +209,7 @@ pub mod constants {
         PART_LEAVES: u32 = 0x8000_0000,
         MEAN_ARC: f32 = 25.0,
         DETERMINISTIC_SLOTS: u32 = 8,
+        SLOTS_PER_MARK: u32 = 32,
         MAX_SUBTREES: u32 = 32,
         MAX_TIME_GROUPS: u32 = 16,
         OBSERVE_TIMES: u32 = 1,

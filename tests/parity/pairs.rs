@@ -192,7 +192,7 @@ impl Bench {
         bytemuck::pod_collect_to_vec(&out[0])
     }
 
-    /// Runs a query kernel. Returns the candidates in all slots of all shade points. `lights` is sorted into the order of the
+    /// Runs a query kernel. Returns the candidates in all slots of all shade points; empty slots have weight 0. `lights` is sorted into the order of the
     /// trees, and the tree fields of `frame` are filled in.
     fn query(
         &self,
@@ -212,8 +212,10 @@ impl Bench {
         *lights = items[0].iter().map(|i| emitters[i.index as usize]).collect();
         lights.extend(items[1].iter().map(|i| scattered[i.index as usize]));
         (frame.tree3_root, frame.tree4_root, frame.queries) = (tree3.root, tree4.root, QUERIES);
-        frame.slots = if lcs { 2 } else { 2 * QUERIES };
+        // More slots than one mark holds.
+        frame.slots = if lcs { 2 } else { 2 * QUERIES + SLOTS_PER_MARK };
         let slots = points.len() * frame.slots as usize;
+        let words = frame.slots.div_ceil(SLOTS_PER_MARK) as usize;
         let every: Vec<u32> = (0..points.len() as u32).collect();
         let extra = [
             contents("frame", &[*frame]),
@@ -226,10 +228,20 @@ impl Bench {
             contents("list", &every),
             contents("counters", &[points.len() as u32]),
             contents("candidates", &vec![Candidate::zeroed(); slots]),
-            contents("marks", &vec![0u32; slots]),
+            contents("marks", &vec![0u32; points.len() * words]),
+            contents("tallies", &vec![[0u32; 4]; points.len()]),
         ];
-        let out = self.run(kernel, points.len(), &extra, &["candidates"]);
-        bytemuck::pod_collect_to_vec(&out[0])
+        let out = self.run(kernel, points.len(), &extra, &["candidates", "marks"]);
+        let mut candidates: Vec<Candidate> = bytemuck::pod_collect_to_vec(&out[0]);
+        let marks: Vec<u32> = bytemuck::pod_collect_to_vec(&out[1]);
+        for (slot, candidate) in candidates.iter_mut().enumerate() {
+            let [rank, number] = [slot / frame.slots as usize, slot % frame.slots as usize];
+            let mark = marks[rank * words + number / SLOTS_PER_MARK as usize];
+            if mark >> (number % SLOTS_PER_MARK as usize) & 1 == 0 {
+                *candidate = Candidate { vertex: NONE, weight: 0.0 };
+            }
+        }
+        candidates
     }
 }
 

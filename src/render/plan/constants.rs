@@ -4,7 +4,9 @@ use super::{Observe, Plan};
 use crate::estimators::{Ellipsoids, PoolOrder};
 use crate::scene::Scene;
 use crate::settings::Responses;
-use crate::wgsl::layout::constants::{DETERMINISTIC_SLOTS, OBSERVE_RESPONSES, OBSERVE_STRATEGIES, OBSERVE_TIMES};
+use crate::wgsl::layout::constants::{
+    DETERMINISTIC_SLOTS, OBSERVE_RESPONSES, OBSERVE_STRATEGIES, OBSERVE_TIMES, SLOTS_PER_MARK,
+};
 
 /// Maximum number of events in fog that a sample draws for a histogram on its first segment.
 const MAX_EVENTS: u32 = 48;
@@ -23,6 +25,7 @@ impl Plan {
         let [strata, cycle] = self.event_strata(&self.responses);
         let mut constants = self.features.constants().to_vec();
         constants.extend([
+            ("HAS_MANY_SLOTS", switch(self.slot_limit() > SLOTS_PER_MARK)),
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("HAS_PARALLEL", switch(self.has_distant || self.camera_kind.is_orthographic)),
             ("HAS_OWN_LASERS", switch(self.has_own_lasers)),

@@ -138,7 +138,7 @@ impl SensorTracer {
     fn record_candidates(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
         let lists = Dispatch { counter: SHADE, list_a: CANDIDATES, list_b: NONE, ..*constants };
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
-        let entries = max as usize * self.slots as usize;
+        let entries = max as usize * mark_words(self.slots as usize);
         k.compaction.record(r, &bindings.compact_candidates, &lists, entries, &b.arguments)
     }
 

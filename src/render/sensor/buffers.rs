@@ -4,7 +4,7 @@ use super::tiles::{TilePixel, TileSample};
 use crate::error::Result;
 use crate::estimators::Ellipsoids;
 use crate::gpu::{Allocate, Buffer, BufferDesc, Device, Recorder};
-use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts};
+use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts, mark_words};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{
@@ -43,6 +43,7 @@ impl<A: Allocate> Buffers<A> {
     pub fn new(to: &A, plan: &Plan, paths: usize, slots: usize, observed: usize) -> Result<Buffers<A>> {
         let few = "use a smaller --resolution or fewer --queries";
         let entries = paths * slots.max(1);
+        let marks = paths * mark_words(slots.max(1));
         let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, few);
         let quads = |name: &'static str, n: usize| BufferDesc::of::<[f32; 4]>(name, n, few);
         Ok(Buffers {
@@ -61,8 +62,8 @@ impl<A: Allocate> Buffers<A> {
             living: [to.buffer(words("living paths", paths))?, to.buffer(words("living paths in turn", paths))?],
             shade_list: to.buffer(words("shade point list", paths))?,
             slot_list: to.buffer(words("candidate list", entries))?,
-            marks: to.buffer(quads("marks", entries.next_multiple_of(CHUNK as usize) / 4))?,
-            chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>("chunk counts", chunk_counts(entries), few))?,
+            marks: to.buffer(quads("marks", marks.next_multiple_of(CHUNK as usize) / 4))?,
+            chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>("chunk counts", chunk_counts(marks), few))?,
             candidates: to.buffer(BufferDesc::of::<Candidate>("candidates", entries, few))?,
             bvh_parts: to.buffer(words("parts of the BVH", plan.bvh_parts.len().max(1)))?,
             choices: to.buffer(BufferDesc::of::<TriangleChoice>(
