@@ -14,28 +14,33 @@
 
 // With MERGES, per pixel of the crop: mean luminance of the merged light.
 @group(2) @binding(4) var<storage, read_write> merged_film: array<f32>;
+// The pixels of the tile, see list_samples.wgsl.
+@group(2) @binding(5) var<storage, read> tile_pixels: array<vec2<u32>>;
 
 // Number of paths whose tallies one thread sums, so that few threads add to the same words.
 const TALLIED_PATHS: u32 = 32u;
 
-// One thread per sample of the tile. The thread of a pixel's first sample adds up all samples of the pixel.
+// One thread adds up the samples of one pixel of the tile, and the tallies of TALLIED_PATHS paths. There may be more threads than pixels,
+// or more than such groups of paths.
 @compute @workgroup_size(WORKGROUP)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= dispatch.count) {
-        return;
+    let path = id.x * TALLIED_PATHS;
+    if (path < dispatch.count) {
+        sum_tallies(path);
     }
-    if (id.x % TALLIED_PATHS == 0u) {
-        sum_tallies(id.x);
+    if (id.x < dispatch.rank) {
+        average(tile_pixels[id.x], tile_pixels[id.x + 1u].y);
     }
-    if (sensor_sample(id.x).number != 0u) {
-        return;
-    }
+}
+
+// Writes the mean of the samples of a pixel of the tile, which end before `end`.
+fn average(pixel: vec2<u32>, end: u32) {
+    let first = pixel.y;
     var sum = vec3<f32>(0.0);
     var squares = 0.0;
     var merged = 0.0;
     // The loop exits at its top: SwiftShader loses the last iteration of a loop that exits at its end (src/gpu/quirks.rs).
-    let end = id.x + samples_of_pixel(id.x);
-    for (var path = id.x; path < end; path++) {
+    for (var path = first; path < end; path++) {
         let r = radiance[path].xyz;
         let counted = select(vec3<f32>(0.0), r, is_finite(r));
         sum += counted;
@@ -47,13 +52,13 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     if (SPLITS_AT_SHEETS) {
-        squares = squares_of_pairs(id.x, end - id.x);
+        squares = squares_of_pairs(first, end - first);
     }
-    let p = sensor_sample(id.x).pixel - vec2<u32>(frame.crop_x, frame.crop_y);
+    let p = vec2<u32>(pixel.x & 0xffffu, pixel.x >> 16u) - vec2<u32>(frame.crop_x, frame.crop_y);
     let index = p.y * frame.crop_width + p.x;
-    film[index] = vec4<f32>(sum / f32(end - id.x), squares);
+    film[index] = vec4<f32>(sum / f32(end - first), squares);
     if (MERGES) {
-        merged_film[index] = merged / f32(end - id.x);
+        merged_film[index] = merged / f32(end - first);
     }
 }
 

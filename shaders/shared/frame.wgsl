@@ -124,7 +124,7 @@ struct Dispatch {
     // list, which then holds the numbers of the entries themselves.
     list_a: u32,
     list_b: u32,
-    // First entry of the input list that this dispatch processes.
+    // First entry of the input list that this dispatch processes. `resolve`: number of pixels of the tile.
     rank: u32,
     // Light subpaths: NONE if each path samples its emitter. Otherwise the host fixes the emitters: the first path starts
     // from this one, each further path from the next one, and the paths yield their deterministic vertices only.

@@ -210,6 +210,7 @@ pub mod constants {
         MEAN_ARC: f32 = 25.0,
         DETERMINISTIC_SLOTS: u32 = 8,
         SLOTS_PER_MARK: u32 = 32,
+        TALLIED_PATHS: u32 = 32,
         MAX_SUBTREES: u32 = 32,
         MAX_TIME_GROUPS: u32 = 16,
         OBSERVE_TIMES: u32 = 1,

@@ -94,8 +94,8 @@ impl<'a> SensorSubpaths<'a> {
     /// Averages the samples of each pixel on the device, and counts the work of the tile. With the last tile, the submit also reads the
     /// film back. Returns the observed contributions of the tile; `None` if the iteration is abandoned.
     pub fn resolve(mut self, is_last: bool) -> Result<Option<Found>> {
-        let SensorSubpaths { tracer, bindings, stats, constants, .. } = &mut self;
-        stats.timed(stage::RECORD, || tracer.record_film(bindings, constants, is_last))?;
+        let SensorSubpaths { tracer, bindings, tile, stats, constants, .. } = &mut self;
+        stats.timed(stage::RECORD, || tracer.record_film(bindings, constants, tile, is_last))?;
         let copied = self.record_likely()?;
         let counters = self.submit()?;
         // The lists of an abandoned bounce contradict each other.
@@ -144,10 +144,19 @@ impl SensorTracer {
     }
 
     /// Records the kernel that averages the samples of each pixel, and with the last tile the copy of the film.
-    fn record_film(&mut self, bindings: &SensorBindings, constants: &Dispatch, is_last: bool) -> Result<()> {
+    fn record_film(
+        &mut self,
+        bindings: &SensorBindings,
+        constants: &Dispatch,
+        tile: &Tile,
+        is_last: bool,
+    ) -> Result<()> {
         let resolve = &self.kernels.resolve;
-        let groups = resolve.groups(constants.count as usize);
-        self.recorder.dispatch("resolve", resolve, &bindings.resolve, constants, groups)?;
+        let pixels = tile.pixel_count();
+        let tallied = (constants.count as usize).div_ceil(TALLIED_PATHS as usize);
+        let over_pixels = Dispatch { rank: pixels as u32, ..*constants };
+        let groups = resolve.groups(pixels.max(tallied));
+        self.recorder.dispatch("resolve", resolve, &bindings.resolve, &over_pixels, groups)?;
         if is_last { self.buffers.read_film(self.kernels.merge.is_some(), &mut self.recorder) } else { Ok(()) }
     }
 
