@@ -42,8 +42,12 @@ def sky_file(array):
     return _file("sky", np.ascontiguousarray(array, dtype="<f4"), write_exr, ".exr")
 
 
-def vignetting_file(array):
-    """The :class:`ArrayFile` (.csv) of an array (N, 2) of angles in degrees and shares of the light."""
+def vignetting_file(rows):
+    """The :class:`ArrayFile` (.csv) of rows (N, 2) of angles in degrees and shares of the light."""
+    try:
+        array = np.asarray(rows)
+    except ValueError:
+        raise SettingsError("the rows of vignetting have different lengths; give an angle in degrees and a share in each") from None
     if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "fiu":
         raise SettingsError(f"vignetting has the shape {array.shape}, but must be 'cos4', a file, or angles in degrees and shares (N, 2)")
     rows = np.ascontiguousarray(array, dtype="<f8")

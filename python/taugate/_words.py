@@ -45,7 +45,7 @@ def words(settings, call):
             pairs.files.append(sky_file(value))
             value = pairs.files[-1].path
         if keyword == "vignetting" and not isinstance(value, (str, os.PathLike)):
-            pairs.files.append(vignetting_file(np.asarray(value)))
+            pairs.files.append(vignetting_file(value))
             value = pairs.files[-1].path
         if isinstance(value, np.ndarray):
             value = value.tolist()

@@ -91,6 +91,8 @@ def test_a_camera_keeps_its_vignetting(vignetting):
     assert np.allclose(image.camera._settings()["vignetting"], vignetting) if vignetting != "cos4" else image.camera.vignetting == "cos4"
     with pytest.raises(taugate.SettingsError, match="vignetting has the shape"):
         taugate.render(scene, vignetting=[1, 2], **settings)
+    with pytest.raises(taugate.SettingsError, match="different lengths"):
+        taugate.render(scene, vignetting=[[0, 1], [20]], **settings)
 
 
 @pytest.mark.parametrize("lens", [dict(aperture=0.3, focus=3.2, blades=6), dict(aperture=0.05, focus=np.inf)])

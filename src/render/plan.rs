@@ -51,8 +51,8 @@ pub struct Tuning {
     pub observed: Option<usize>,
     /// Number of iterations in flight, 1 or 2; see [`Drive::in_flight`](crate::gpu::Drive::in_flight). `None`: that of the device.
     pub in_flight: Option<u32>,
-    /// Holds back the last tile of an iteration until the light of the next one is there and the image of the one before is in the film,
-    /// to show that the device need not wait for them.
+    /// Holds back the last tile of an iteration until the light of the next one is there, and the image of the one before is in the film.
+    /// So a test shows that the device need not wait for them.
     pub holds_for_host: bool,
 }
 

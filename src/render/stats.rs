@@ -155,8 +155,8 @@ impl Stats {
         add(&mut self.prepare_seconds, stage, seconds);
     }
 
-    /// Divides the `wall` seconds of the iterations, and the seconds of other threads, into stages: each kernel by its timestamps,
-    /// the rest of the submits, and each host stage, the longest first. The last stage, `unexplained`, is the remaining time. It is
+    /// Divides the `wall` seconds of the iterations, and the seconds of other threads, into stages, the longest first. These are the
+    /// kernels by their timestamps, the rest of the submits, and the host stages. The last stage, `unexplained`, is the remaining time. It is
     /// negative if the clocks of host and device disagree. Shares are those of the `wall` seconds. So with other threads their sum
     /// exceeds 1.
     pub fn stages(&self, wall: f64) -> Vec<Stage> {

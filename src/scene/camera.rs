@@ -182,8 +182,7 @@ impl Camera {
 
     /// The starts of the camera rays through the four corners of the image, as [`Camera::origin`].
     pub(crate) fn corners(&self, resolution: [u32; 2]) -> [DVec3; 4] {
-        let [width, height] = resolution.map(f64::from);
-        [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|film| self.origin(resolution, film))
+        film_corners(resolution).map(|film| self.origin(resolution, film))
     }
 
     /// The largest tangent of the angle to the view in an image of this resolution, with some room; for a fisheye the largest angle in
@@ -197,10 +196,8 @@ impl Camera {
         let named = |why| Error::settings(format!("camera '{}' {why}", escaped(&self.name)));
         let limit = self.lens.distortion.limit(corners).map_err(named)?;
         if self.lens.vignetting != Vignetting::None {
-            let [width, height] = resolution.map(f64::from);
             let view = self.transform.transform_vector3(DVec3::NEG_Z);
-            let corners = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]];
-            let angles = corners.map(|film| self.direction(resolution, film).angle_between(view));
+            let angles = film_corners(resolution).map(|film| self.direction(resolution, film).angle_between(view));
             self.lens.vignetting.check_reach(angles.into_iter().fold(0.0, f64::max)).map_err(named)?;
         }
         Ok(limit)
@@ -216,6 +213,12 @@ impl Camera {
         let y = 2.0 * (centre_y - film[1] / height) * half_height;
         DVec3::new(x, y, 0.0)
     }
+}
+
+/// The corners of an image in pixels.
+fn film_corners(resolution: [u32; 2]) -> [[f64; 2]; 4] {
+    let [width, height] = resolution.map(f64::from);
+    [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]
 }
 
 #[cfg(test)]

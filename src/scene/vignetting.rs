@@ -8,8 +8,8 @@ use std::sync::Arc;
 use super::check::Checked;
 use super::lens::Distortion;
 
-/// The share of the light that reaches the sensor, as a function of the angle between the view and the direction of the light through the
-/// centre of the lens. A pixel measures this share of the radiance; layers such as depth stay as they are.
+/// The share of the light that reaches the sensor. It depends on the angle to the view at which the light passes the centre of the lens. A
+/// pixel measures this share of the radiance; layers such as depth stay as they are.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Vignetting {
     /// All light, at all angles: pixels measure radiance.
