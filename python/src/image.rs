@@ -78,7 +78,7 @@ impl Image {
         match extension.as_str() {
             "exr" => exr_file::write_responses(path, film, responses, provenance, &self.layers)?,
             "png" => {
-                let mean = film.mean();
+                let mean = film.shown();
                 let factor = exposure.map_or_else(|| png_file::exposure(&mean), f32::exp2);
                 png_file::write(path, film.width(), film.height(), &mean, factor)?;
             }
@@ -160,10 +160,17 @@ impl Image {
     /// The image, or the sum of the images of all responses: (H, W, 3).
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         check_process()?;
-        array(py, self.film().mean(), &self.shape())
+        array(py, self.film().shown(), &self.shape())
     }
 
-    /// Variance of `pixels`.
+    /// The image without damping; `None` if fireflies are kept.
+    fn undamped<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
+        check_process()?;
+        let film = self.film();
+        film.damps_fireflies().then(|| array(py, film.mean(), &self.shape())).transpose()
+    }
+
+    /// Variance of `pixels`, or of `undamped` if fireflies are damped.
     fn variance<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         check_process()?;
         array(py, self.film().variance_of_mean(), &self.shape())
@@ -174,7 +181,7 @@ impl Image {
         check_process()?;
         let [height, width, _] = self.shape();
         match self.images() {
-            None => array(py, self.film().mean(), &[height, width, 1, 3]),
+            None => array(py, self.film().shown(), &[height, width, 1, 3]),
             Some(all) => {
                 let values: Vec<f32> = (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)).collect();
                 array(py, values, &[height, width, all.responses(), 3])
@@ -304,7 +311,7 @@ impl Image {
     #[pyo3(signature = (exposure=None))]
     fn picture<'py>(&self, py: Python<'py>, exposure: Option<f32>) -> PyResult<Array<'py>> {
         check_process()?;
-        let mean = self.film().mean();
+        let mean = self.film().shown();
         let factor = exposure.map_or_else(|| png_file::exposure(&mean), f32::exp2);
         array(py, png_file::expose(&mean, factor), &self.shape())
     }

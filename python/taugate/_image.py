@@ -109,12 +109,17 @@ class Image(_Result):
     """An image of one gate, or of all light.
 
     ``pixels`` and ``variance`` are float32 arrays (H, W, 3), row 0 at the top: radiance in W/(m^2 sr), integrated over the gate, and the variance
-    of its mean.
+    of its mean. With ``fireflies="damp"``, the variance is that of ``undamped``.
     """
 
     @functools.cached_property
     def pixels(self) -> np.ndarray:
         return self._native.pixels()
+
+    @functools.cached_property
+    def undamped(self) -> Optional[np.ndarray]:
+        """The unbiased image of a render with ``fireflies="damp"``, whose ``pixels`` are damped. Else ``None``."""
+        return self._native.undamped()
 
     @functools.cached_property
     def variance(self) -> np.ndarray:

@@ -67,7 +67,8 @@ pub fn picture(path: &Path) -> Result<Picture> {
     Ok(Picture {
         width: film.width(),
         height: film.height(),
-        rgb: film.mean(),
+        rgb: film.shown(),
+        undamped: film.damps_fireflies().then(|| film.mean()),
         variance: Some(film.variance_of_mean()),
         cell_batches: Some(film.cells().to_floats()),
         seed: Some(about.seed.to_string()),
@@ -84,7 +85,7 @@ pub fn array(path: &Path) -> Result<(ImageArray, Vec<DescribedResponse>)> {
     let Accumulation { about, film, responses: many, .. } = read(path)?;
     let (width, height) = (film.width() as usize, film.height() as usize);
     let array = match many {
-        None => ImageArray { width, height, responses: None, values: film.mean() },
+        None => ImageArray { width, height, responses: None, values: film.shown() },
         Some(all) => {
             let values = (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)).collect();
             ImageArray { width, height, responses: Some(all.responses()), values }

@@ -49,8 +49,10 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     let flip = flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
     let within = args.max_relmse.is_none_or(|max| result.relmse <= max);
     let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
+    let damped = verdict.as_ref().and_then(|_| damped(&image, &reference));
     let blurred = verdict.as_ref().and_then(|_| blur(&image, &reference));
-    for note in content_difference(&image, &reference).into_iter().chain(blurred) {
+    let notes = content_difference(&image, &reference).into_iter().chain(blurred).chain(damped.map(String::from));
+    for note in notes {
         super::say(&format!("note: {note}"));
     }
     if args.json {
@@ -88,6 +90,12 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     }))
 }
 
+/// A sentence about damped fireflies, which the noise of an image does not tell.
+fn damped(image: &Picture, reference: &Picture) -> Option<&'static str> {
+    let is_damped = image.undamped.is_some() || reference.undamped.is_some();
+    is_damped.then_some("the test uses the images without damped fireflies (undamped.R, .G, .B); all other figures are those of the damped ones")
+}
+
 /// A sentence about light that merging has blurred, which the noise of an image does not tell.
 fn blur(image: &Picture, reference: &Picture) -> Option<String> {
     let merged = image.merged.into_iter().chain(reference.merged).filter(|merged| merged.share > 0.0);
@@ -123,7 +131,7 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
     if same(out, &args.image) || same(out, &args.reference) {
         return Err(Error::settings(format!("--z would overwrite {}; choose another name", out.display())));
     }
-    if image.seed.is_some() && image.seed == reference.seed && !image.rgb.eq(&reference.rgb) {
+    if image.seed.is_some() && image.seed == reference.seed && unbiased(image) != unbiased(reference) {
         return Err(Error::settings(format!(
             "both images were rendered with seed {}, so their noise is not independent; render one with another --seed",
             image.seed.as_deref().unwrap_or_default()
@@ -138,7 +146,7 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
         })?;
         let cells = CellBatches::from_floats(picture.width, picture.height, floats)
             .map_err(|e| Error::File { path: path.into(), message: e.to_string() })?;
-        match cells.are_of(&picture.rgb) {
+        match cells.are_of(unbiased(picture)) {
             true => Ok(cells),
             false => Err(Error::File {
                 path: path.into(),
@@ -157,6 +165,11 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
         png_file::write_bytes(out, image.width, image.height, &colours(&verdict.map, verdict.threshold))?;
     }
     Ok(verdict)
+}
+
+/// The image without damped fireflies.
+fn unbiased(picture: &Picture) -> &[f32] {
+    picture.undamped.as_ref().unwrap_or(&picture.rgb)
 }
 
 fn describe(verdict: &Agreement) -> String {

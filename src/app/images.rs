@@ -50,7 +50,7 @@ impl Images<'_> {
 
     /// The image of all light.
     fn sum(&self) -> Linear {
-        Linear { width: self.film.width() as usize, height: self.film.height() as usize, rgb: self.film.mean() }
+        Linear { width: self.film.width() as usize, height: self.film.height() as usize, rgb: self.film.shown() }
     }
 
     /// The image of gate `k`.
@@ -63,7 +63,7 @@ impl Images<'_> {
     pub fn exposure(&self, outputs: &Outputs) -> f32 {
         match outputs.exposure {
             Exposure::Auto => match self.responses.filter(|_| outputs.png_gates != GatePictures::Sum) {
-                None => png_file::exposure(&self.film.mean()),
+                None => png_file::exposure(&self.film.shown()),
                 // All gates have one exposure.
                 Some(all) => {
                     let see_all = |see: &mut dyn FnMut(&[f32])| {

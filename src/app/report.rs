@@ -74,6 +74,8 @@ struct Numbers<'a> {
     image_mean_standard_error: Option<f64>,
     /// Light that merging found in this process; null if the render does not merge.
     merged: Option<Merged>,
+    /// Share of the light that damping took away.
+    damped_share: Option<f64>,
     /// How often the host waited for the device during iterations.
     waits: u64,
     /// Non-finite samples of all processes, which count as 0.
@@ -136,6 +138,7 @@ impl Report<'_> {
             image_mean,
             image_mean_standard_error,
             merged: self.provenance.merged,
+            damped_share: film.damped().map(|damped| damped.share),
             waits: stats.waits,
             samples_dropped: self.renderer.dropped(),
             connections_inside_gate: stats.live_share(),
@@ -192,5 +195,11 @@ impl Report<'_> {
             stats.inside_gate_per_sample(),
             self.renderer.dropped()
         ));
+        if let Some(damped) = film.damped() {
+            progress.line(&format!(
+                "--fireflies damp took away {:.2} % of the light; the mean above is that of the image without damping",
+                100.0 * damped.share
+            ));
+        }
     }
 }

@@ -78,7 +78,7 @@ impl<'a> Race<'a> {
         let (relmse, own, flip) = match &self.references[at] {
             None => (Means::NAN, Means::NAN, f64::NAN),
             Some(Reference { picture, own, .. }) => {
-                let image = timed.renderer.film().mean();
+                let image = timed.renderer.film().shown();
                 let errors = metrics::compare(&image, &picture.rgb)?;
                 let relmse = Means { all: errors.relmse, trimmed: errors.trimmed_relmse };
                 (relmse, *own, flip::hdr(&image, &picture.rgb, picture.width as usize).mean())

@@ -248,6 +248,12 @@ impl Accumulation {
                 "merge every part once",
             ));
         }
+        if self.film.damps_fireflies() != other.film.damps_fireflies() {
+            return Err(Error::advice(
+                format!("only one of {name} and {other_name} has what --fireflies damp needs; "),
+                "render the other one anew",
+            ));
+        }
         self.film.merge(&other.film);
         if let (Some(film), Some(other)) = (&mut self.responses, &other.responses) {
             film.merge(other);

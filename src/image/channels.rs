@@ -38,7 +38,8 @@ impl ChannelGroup {
 
 /// The channels of the first `max_responses` responses. R, G, B and their variance, Variance.R, .G, .B, are those of the first
 /// response. A further response NAME has the channels NAME.R and, with a variance, NAME.Variance.R, and so on. A continuous-wave
-/// sensor has phases, amplitudes and depths too. `images` is `None` if there is one response, whose image is the film.
+/// sensor has phases, amplitudes and depths too. If fireflies are damped, R, G, B are the damped image, and undamped.R, .G, .B the mean,
+/// to which the variance belongs. `images` is `None` if there is one response, whose image is the film.
 pub fn of_render(
     film: &Film,
     images: Option<&ResponseFilm>,
@@ -46,7 +47,13 @@ pub fn of_render(
     max_responses: usize,
 ) -> Vec<ChannelGroup> {
     let Some(images) = images else {
-        return vec![ChannelGroup::rgb("", film.mean()), ChannelGroup::rgb("Variance.", film.variance_of_mean())];
+        let variance = ChannelGroup::rgb("Variance.", film.variance_of_mean());
+        return match film.damped() {
+            None => vec![ChannelGroup::rgb("", film.mean()), variance],
+            Some(damped) => {
+                vec![ChannelGroup::rgb("", damped.rgb), ChannelGroup::rgb("undamped.", film.mean()), variance]
+            }
+        };
     };
     let mut groups = vec![];
     for (k, response) in responses.iter().enumerate().take(max_responses) {

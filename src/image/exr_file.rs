@@ -23,6 +23,9 @@ use crate::settings::{Crop, Response, Responses, Settings};
 /// Names of the channels of the variance, which may be missing.
 const VARIANCE_CHANNELS: [&str; 3] = ["Variance.R", "Variance.G", "Variance.B"];
 
+/// Names of the channels of the image without damped fireflies, which may be missing.
+const UNDAMPED_CHANNELS: [&str; 3] = ["undamped.R", "undamped.G", "undamped.B"];
+
 const SPEED_OF_LIGHT_M_PER_S: f64 = METRES_PER_NS * 1e9;
 
 /// How a film file was rendered.
@@ -160,6 +163,9 @@ pub fn write_responses(
         attributes.other.insert(text("tof:mergedShare"), AttributeValue::F64(share));
         attributes.other.insert(text("tof:mergeRadius_px"), AttributeValue::F64(radius));
     }
+    if let Some(damped) = film.damped() {
+        attributes.other.insert(text("tof:dampedShare"), AttributeValue::F64(damped.share));
+    }
     if let Some(period) = first.and_then(Response::period) {
         attributes.other.insert(text("tof:repeat_m"), AttributeValue::F64(period));
     }
@@ -252,7 +258,9 @@ pub struct Picture {
     pub width: u32,
     pub height: u32,
     pub rgb: Vec<f32>,
-    /// Variance of `rgb`, if the file has it.
+    /// The image without damped fireflies, if the file has it.
+    pub undamped: Option<Vec<f32>>,
+    /// Variance of `undamped` or else `rgb`, if the file has it.
     pub variance: Option<Vec<f32>>,
     /// `tof:cellBatches` if the file has it, see [`crate::image::batches::CellBatches::to_floats`].
     pub cell_batches: Option<Vec<f32>>,
@@ -282,6 +290,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     let offset = difference(header.own_attributes.layer_position, window.position);
     let [r, g, b] = COLOR_CHANNELS;
     let [variance_r, variance_g, variance_b] = VARIANCE_CHANNELS;
+    let [undamped_r, undamped_g, undamped_b] = UNDAMPED_CHANNELS;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -292,10 +301,16 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         .optional(variance_r, 0.0)
         .optional(variance_g, 0.0)
         .optional(variance_b, 0.0)
+        .optional(undamped_r, 0.0)
+        .optional(undamped_g, 0.0)
+        .optional(undamped_b, 0.0)
         .collect_pixels(
-            |_, (_, _, _, r, g, b)| Values::new(window.size, offset, r.is_some() && g.is_some() && b.is_some()),
-            |values: &mut Values, at, (r, g, b, variance_r, variance_g, variance_b): (f32, f32, f32, f32, f32, f32)| {
-                values.set(at, [r, g, b], [variance_r, variance_g, variance_b]);
+            |_, (_, _, _, r, g, b, undamped_r, undamped_g, undamped_b)| {
+                let all = |channels: [&Option<_>; 3]| channels.iter().all(|channel| channel.is_some());
+                Values::new(window.size, offset, [all([r, g, b]), all([undamped_r, undamped_g, undamped_b])])
+            },
+            |values: &mut Values, at, (r, g, b, vr, vg, vb, ur, ug, ub): Pixel| {
+                values.set(at, [r, g, b], [vr, vg, vb], [ur, ug, ub]);
             },
         )
         .first_valid_layer()
@@ -304,7 +319,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         .map_err(|e| unreadable(path, e))?;
     let layer = image.layer_data;
     let Vec2(width, height) = window.size;
-    let Values { rgb, variance, .. } = layer.channel_data.pixels;
+    let Values { rgb, variance, undamped, .. } = layer.channel_data.pixels;
     let attribute = |name: &str| layer.attributes.other.get(&text(name));
     let cell_batches = attribute("tof:cellBatches").and_then(|value| match value {
         AttributeValue::Custom { kind, bytes } if kind.bytes() == b"floatvector" => {
@@ -333,6 +348,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         width: width as u32,
         height: height as u32,
         rgb,
+        undamped,
         variance,
         cell_batches,
         seed,
@@ -344,6 +360,9 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     })
 }
 
+/// The channels of a pixel.
+type Pixel = (f32, f32, f32, f32, f32, f32, f32, f32, f32);
+
 /// The values of a picture while its blocks are read: R, G, B interleaved, row by row.
 struct Values {
     size: Vec2<usize>,
@@ -351,22 +370,25 @@ struct Values {
     offset: [i64; 2],
     rgb: Vec<f32>,
     variance: Option<Vec<f32>>,
+    undamped: Option<Vec<f32>>,
 }
 
 impl Values {
-    fn new(size: Vec2<usize>, offset: [i64; 2], has_variance: bool) -> Values {
+    fn new(size: Vec2<usize>, offset: [i64; 2], [has_variance, has_undamped]: [bool; 2]) -> Values {
         let zeros = || vec![0.0; 3 * size.area()];
-        Values { size, offset, rgb: zeros(), variance: has_variance.then(zeros) }
+        Values { size, offset, rgb: zeros(), variance: has_variance.then(zeros), undamped: has_undamped.then(zeros) }
     }
 
-    fn set(&mut self, at: Vec2<usize>, rgb: [f32; 3], variance: [f32; 3]) {
+    fn set(&mut self, at: Vec2<usize>, rgb: [f32; 3], variance: [f32; 3], undamped: [f32; 3]) {
         let [x, y] = [(at.x(), self.offset[0], self.size.width()), (at.y(), self.offset[1], self.size.height())]
             .map(|(at, offset, size)| usize::try_from(at as i64 + offset).ok().filter(|&place| place < size));
         let (Some(x), Some(y)) = (x, y) else { return };
         let first = 3 * (y * self.size.width() + x);
         self.rgb[first..first + 3].copy_from_slice(&rgb);
-        if let Some(values) = &mut self.variance {
-            values[first..first + 3].copy_from_slice(&variance);
+        for (values, pixel) in [(&mut self.variance, variance), (&mut self.undamped, undamped)] {
+            if let Some(values) = values {
+                values[first..first + 3].copy_from_slice(&pixel);
+            }
         }
     }
 }

@@ -9,6 +9,7 @@
 use rayon::prelude::*;
 
 use crate::image::batches::CellBatches;
+use crate::image::brightness_layers::BrightnessLayers;
 use crate::image::moments::Moments;
 
 /// Accumulated image of width x height pixels, with R, G, B interleaved and row 0 at the top.
@@ -23,6 +24,16 @@ pub struct Film {
     cells: CellBatches,
     samples: u64,
     iterations: u32,
+    /// `None` if fireflies are kept.
+    layers: Option<BrightnessLayers>,
+}
+
+/// An image whose fireflies are damped, see [`BrightnessLayers`].
+pub struct Damped {
+    /// R, G, B interleaved, row 0 at the top.
+    pub rgb: Vec<f32>,
+    /// Share of the light of the image that damping took away, 0 to 1.
+    pub share: f64,
 }
 
 impl Film {
@@ -37,7 +48,31 @@ impl Film {
             cells: CellBatches::new(width, height),
             samples: 0,
             iterations: 0,
+            layers: None,
         }
+    }
+
+    /// Also keeps the sums that [`Film::damped`] needs, 112 bytes per pixel.
+    ///
+    /// # Panics
+    /// If there was an iteration.
+    pub fn damp_fireflies(&mut self) {
+        assert_eq!(self.iterations, 0, "the layers of brightness must have all iterations");
+        self.layers = Some(BrightnessLayers::new(self.width, self.height));
+    }
+
+    /// Whether fireflies are damped.
+    pub fn damps_fireflies(&self) -> bool {
+        self.layers.is_some()
+    }
+
+    /// A film of this kind and size without samples.
+    pub fn cleared(&self) -> Film {
+        let mut film = Film::new(self.width, self.height);
+        if self.damps_fireflies() {
+            film.damp_fireflies();
+        }
+        film
     }
 
     /// Width in pixels.
@@ -76,6 +111,9 @@ impl Film {
         let add = |(moments, &x): (&mut Moments, &f32)| moments.add(x.into(), weight);
         self.moments.par_iter_mut().zip(rgb).with_min_len(1 << 14).for_each(add);
         self.image.add(mean, weight);
+        if let Some(layers) = &mut self.layers {
+            layers.add(rgb, samples);
+        }
         self.iterations += 1;
     }
 
@@ -84,13 +122,17 @@ impl Film {
     /// coarser than in one film.
     ///
     /// # Panics
-    /// If the films have different sizes.
+    /// If the films have different sizes, or if only one damps fireflies.
     pub fn merge(&mut self, other: &Film) {
         assert_eq!((self.width, self.height), (other.width, other.height), "the films have different sizes");
+        assert_eq!(self.damps_fireflies(), other.damps_fireflies(), "only one of the films damps fireflies");
         let merge = |(moments, other): (&mut Moments, &Moments)| moments.merge(other);
         self.moments.par_iter_mut().zip(&other.moments).with_min_len(1 << 14).for_each(merge);
         self.image.merge(&other.image);
         self.cells.merge(&other.cells);
+        if let (Some(layers), Some(other)) = (&mut self.layers, &other.layers) {
+            layers.merge(other);
+        }
         self.samples += other.samples;
         self.iterations += other.iterations;
     }
@@ -98,6 +140,10 @@ impl Film {
     /// The moments of every channel of every pixel, and those of the mean over all of them.
     pub(super) fn moments(&self) -> (&[Moments], Moments) {
         (&self.moments, self.image)
+    }
+
+    pub(super) fn layers(&self) -> Option<&BrightnessLayers> {
+        self.layers.as_ref()
     }
 
     /// A film with these moments, see [`Film::moments`], of `iterations` iterations with `samples` samples per pixel together.
@@ -108,8 +154,25 @@ impl Film {
         [width, height]: [u32; 2],
         samples: u64,
         iterations: u32,
+        layers: Option<BrightnessLayers>,
     ) -> Film {
-        Film { width, height, moments, image, cells, samples, iterations }
+        Film { width, height, moments, image, cells, samples, iterations, layers }
+    }
+
+    /// The image to show: damped if this film damps fireflies, else the mean.
+    pub fn shown(&self) -> Vec<f32> {
+        self.damped().map_or_else(|| self.mean(), |damped| damped.rgb)
+    }
+
+    /// The mean with damped fireflies. It is too dark where light is rare, and this bias vanishes with the number of iterations.
+    /// `None` if fireflies are kept.
+    pub fn damped(&self) -> Option<Damped> {
+        let excess = self.layers.as_ref()?.excess(self.samples.max(1), self.iterations);
+        let mut rgb = self.mean();
+        let light = |rgb: &[f32]| rgb.iter().map(|&x| f64::from(x)).sum::<f64>();
+        let (all, taken) = (light(&rgb), light(&excess));
+        rgb.par_iter_mut().zip(&excess).with_min_len(1 << 14).for_each(|(x, excess)| *x = (*x - excess).max(0.0));
+        Some(Damped { rgb, share: if taken > 0.0 { (taken / all).min(1.0) } else { 0.0 } })
     }
 
     /// The mean over all samples; 0 before the first iteration.

@@ -4,6 +4,7 @@ pub mod accumulation;
 pub mod array_set;
 pub mod arrival_map;
 pub mod batches;
+mod brightness_layers;
 pub mod channels;
 pub mod depth;
 pub mod exr_file;

@@ -119,7 +119,7 @@ pub fn write(
     let mut set = ArraySet::new(path);
     let shape = shape(film, responses);
     match responses {
-        None => set.add(Role::Array, &shape, film.mean())?,
+        None => set.add(Role::Array, &shape, film.shown())?,
         Some(all) => set.add(Role::Array, &shape, (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))?,
     }
     match responses.filter(|_| has_variance) {

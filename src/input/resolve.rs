@@ -81,6 +81,13 @@ pub fn resolve_with(experiment: &Experiment, scene: &Scene, responses: Responses
         settings = settings.sampling(Sampling::Uniform);
     }
     let settings = settings.build()?;
+    if experiment.scan.is_some() && settings.fireflies() == Fireflies::Damp {
+        return Err(Error::advice(
+            "--fireflies damp is only for images, because the points of a scan are not neighbours; ",
+            "leave it out",
+        )
+        .about("fireflies"));
+    }
     warnings.extend(render.without_effect(estimator));
     if settings.splat_paths() > 0 && settings.strategies() == Strategies::Paper {
         warnings.push("--splat-paths has no effect, because --strategies paper forms no path with t = 1".into());

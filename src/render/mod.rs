@@ -206,7 +206,10 @@ impl Renderer {
         let light = stats.prepared(stage::COMPILE, || LightPhase::new(device, &scene, &plan, &compaction, prepared))?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = prepared.triangles() as u64;
-        let film = Film::new(width, height);
+        let mut film = Film::new(width, height);
+        if plan.damps_fireflies {
+            film.damp_fireflies();
+        }
         let device = device.clone();
         let sensor = SensorPhase::new(&device, compaction)?;
         let allocation = plan.adaptive.then(|| Allocation::new(width, plan.crop_pixels));

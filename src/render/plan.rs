@@ -25,7 +25,7 @@ use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, PoolOrder, Record};
 use crate::gpu::Quirks;
 use crate::scene::{Distortion, Light, LightKind, Scene};
-use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
+use crate::settings::{Crop, Fireflies, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 use camera::CameraKind;
@@ -114,6 +114,8 @@ pub struct Plan {
     importance: Importance,
     pub max_depth: u32,
     pub adaptive: bool,
+    /// Whether the film can damp fireflies.
+    pub damps_fireflies: bool,
     pub features: Features,
     /// Whether a light is infinitely far away, so that no gate is possible.
     pub has_distant: bool,
@@ -218,6 +220,7 @@ impl Plan {
             importance: settings.importance(),
             max_depth: settings.max_depth(),
             adaptive: settings.sampling() == Sampling::Adaptive,
+            damps_fireflies: settings.fireflies() == Fireflies::Damp,
             features,
             max_delay: prepared.geometry.max_delay,
             has_distant: emitters.has_distant,

@@ -9,7 +9,6 @@ use super::sums::Added;
 use super::{Iterations, Renderer, Stats};
 use crate::error::{Error, Result};
 use crate::image::accumulation::MergedLight;
-use crate::image::film::Film;
 use crate::scene::Camera;
 #[cfg(doc)]
 use crate::scene::Scene;
@@ -118,7 +117,7 @@ impl Renderer {
 
     pub(super) fn clear(&mut self) {
         let Added { film, allocation } = self.sums.get_mut();
-        *film = Film::new(film.width(), film.height());
+        *film = film.cleared();
         if let Some(allocation) = allocation {
             allocation.restart();
         }

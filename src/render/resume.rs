@@ -64,6 +64,7 @@ impl Renderer {
         let own = self.sums.get_mut();
         let fits = (film.width(), film.height()) == (own.film.width(), own.film.height())
             && responses.as_ref().map_or(1, |film| film.responses()) == count
+            && film.damps_fireflies() == own.film.damps_fireflies()
             && (adaptive.is_none() || own.allocation.is_some());
         if !fits {
             return Err(Error::settings("the sums of the earlier render do not fit the image of this one"));

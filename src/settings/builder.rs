@@ -7,7 +7,7 @@ use crate::settings::table::RenderTable;
 use crate::settings::units::Gate;
 use crate::settings::values::Seconds;
 use crate::settings::{
-    Budget, Crop, DEFAULT_WIDTH, Emitters, Estimator, MAX_SECONDS, Responses, Settings, check_resolution,
+    Budget, Crop, DEFAULT_WIDTH, Emitters, Estimator, Fireflies, MAX_SECONDS, Responses, Settings, check_resolution,
 };
 
 /// Settings that are not checked yet; see [`Settings`].
@@ -98,6 +98,13 @@ impl SettingsBuilder {
         self.render.check()?;
         if self.render.time.is_some_and(|Seconds(seconds)| !(seconds > 0.0 && seconds <= MAX_SECONDS)) {
             return Err(Error::settings("--time must be more than 0 and at most a year"));
+        }
+        if self.render.fireflies == Some(Fireflies::Damp) && self.responses.len() > 1 {
+            return Err(Error::advice(
+                "--fireflies damp is only for a single gate, because the bins of a histogram have too few samples to tell fireflies from light; ",
+                "leave it out, or render one gate",
+            )
+            .about("fireflies"));
         }
         let [width, height] = self.resolution;
         let is_inside = |crop: Crop| crop.x0 < crop.x1 && crop.x1 <= width && crop.y0 < crop.y1 && crop.y1 <= height;

@@ -79,6 +79,14 @@ choices! {
         Off = "off",
     }
 
+    /// Whether samples that are much brighter than all others around them count fully.
+    Fireflies, "does not say what to do with fireflies" {
+        /// They count as they are, so the image is unbiased.
+        Keep = "keep",
+        /// They count less.
+        Damp = "damp",
+    }
+
     /// Which surfaces with transmission are thin glass. Light passes straight through thin glass, and refracts at solid glass.
     ThinGlass, "does not say which glass is thin" {
         /// Those of open meshes, and those whose material says so.

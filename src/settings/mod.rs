@@ -46,7 +46,8 @@ pub mod values;
 
 pub use self::builder::SettingsBuilder;
 pub use self::choices::{
-    Budget, Crop, Emitters, Filter, GatePictures, Importance, Merge, Sampling, Strategies, ThinGlass, UseEllipsoids,
+    Budget, Crop, Emitters, Filter, Fireflies, GatePictures, Importance, Merge, Sampling, Strategies, ThinGlass,
+    UseEllipsoids,
 };
 pub use self::response::{Edge, Response};
 pub use self::responses::Responses;

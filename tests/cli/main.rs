@@ -6,6 +6,7 @@ mod beside;
 mod corpus;
 mod detect;
 mod devices;
+mod fireflies;
 mod frames;
 mod gates;
 mod glass;

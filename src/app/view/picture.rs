@@ -44,7 +44,7 @@ impl Picture {
     pub fn new(renderer: &Renderer, revision: u32) -> Picture {
         let film = renderer.film();
         let variance = if film.iterations() < 2 { vec![] } else { film.variance_of_mean() };
-        let mean = film.mean();
+        let mean = film.shown();
         let images = renderer.responses();
         let count = images.map_or(1, ResponseFilm::responses);
         let fits = count * mean.len() <= MAX_RESPONSE_VALUES;

@@ -14,6 +14,8 @@
 //! | `adaptive` | height, width, 4 | what adaptive sampling has measured, see [`AdaptiveState`]; missing if the sampling is uniform |
 //! | `adaptive_counts` | 2 | samples per pixel and iterations of `adaptive` |
 //! | `adaptive_errors` | height, width | the errors that the next samples follow; missing in merged sums |
+//! | `brightness` | height, width, 7, 4 | iterations by brightness, see [`BrightnessLayers`]; missing if fireflies are kept |
+//! | `brightness_lowest` | 1 | binary logarithm of the luminance of the lowest of these layers; empty if all iterations are black |
 //! | `depth.Z`, `object.ID`, ... | height, width | auxiliary layers, see [`CHANNELS`]; only those that were rendered |
 //!
 //! `objects.json` gives the name for each number in `object.ID`.
@@ -31,6 +33,7 @@ use super::{About, Accumulation, AdaptiveState, FORMAT, layer_arrays};
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
 use crate::image::batches::CellBatches;
+use crate::image::brightness_layers::{BrightnessLayers, LAYERS};
 use crate::image::film::Film;
 #[cfg(doc)]
 use crate::image::layers::CHANNELS;
@@ -149,6 +152,11 @@ fn write_entries(writer: &mut (impl Write + Seek), parts: Parts) -> io::Result<(
     array(&mut zip, "cell_samples", &[batches.len()], batches.iter().map(|batch| batch.0))?;
     array(&mut zip, "cell_lengths", &[2], cells.lengths().map(f64::from))?;
 
+    if let Some(layers) = film.layers() {
+        array(&mut zip, "brightness", &[height, width, LAYERS, 4], layers.values().map(f64::from))?;
+        let lowest = layers.lowest().map(f64::from);
+        array(&mut zip, "brightness_lowest", &[lowest.iter().len()], lowest)?;
+    }
     if let Some(state) = adaptive {
         array(&mut zip, "adaptive", &[height, width, 4], state.pixels.iter().flatten().copied())?;
         array(&mut zip, "adaptive_counts", &[2], [state.samples, f64::from(state.iterations)])?;
@@ -262,7 +270,11 @@ pub fn read_from(source: &mut (impl Read + Seek)) -> Result<Accumulation, Proble
     let image = values(&mut zip, "image", &[4])?;
     let image = Moments::from_array([image[0], image[1], image[2], image[3]]);
     let cells = cells(&mut zip, [width, height])?;
-    let film = Film::from_moments(moments, image, cells, [width, height], samples, iterations);
+    let layers = match zip.index_for_name("brightness.npy") {
+        Some(_) => Some(brightness(&mut zip, [width, height])?),
+        None => None,
+    };
+    let film = Film::from_moments(moments, image, cells, [width, height], samples, iterations, layers);
 
     let adaptive = match zip.index_for_name("adaptive.npy") {
         Some(_) => Some(adaptive(&mut zip, [rows, columns])?),
@@ -340,6 +352,14 @@ fn cells<R: Read + Seek>(zip: &mut Archive<R>, size: [u32; 2]) -> Result<CellBat
     }
     let batches = samples.into_iter().zip(sums.chunks(3 * columns * rows).map(<[f64]>::to_vec)).collect();
     CellBatches::from_batches(size, batches, [lengths[0] as u32, lengths[1] as u32]).ok_or_else(wrong)
+}
+
+fn brightness<R: Read + Seek>(zip: &mut Archive<R>, [width, height]: [u32; 2]) -> Result<BrightnessLayers, Problem> {
+    let shape = [height as usize, width as usize, LAYERS, 4];
+    let values = values(zip, "brightness", &shape)?.into_iter().map(|x| x as f32).collect();
+    let (_, lowest) = any_values(zip, "brightness_lowest", |shape| matches!(shape, [0 | 1]))?;
+    BrightnessLayers::from_values(width, lowest.first().map(|&x| x as f32), values)
+        .ok_or_else(|| not_finite("brightness"))
 }
 
 fn adaptive<R: Read + Seek>(zip: &mut Archive<R>, [rows, columns]: [usize; 2]) -> Result<AdaptiveState, Problem> {

@@ -87,6 +87,11 @@ table! {
         /// iterations, and its bias with the cube root [default: 1.5]
         merge_radius: Pixels = |_| Pixels::DEFAULT_MERGE_RADIUS, Setting::sampling("merge-radius", "PIXELS");
 
+        /// Samples that are much brighter than all others in and around their pixel: keep or damp. Damping makes single bright dots disappear.
+        /// The image is then too dark where light is rare, less so with more samples; image files keep the other image as undamped.R,
+        /// .G and .B. Only for a single gate [default: keep]
+        fireflies: Fireflies = |_| Fireflies::Keep, Setting::sampling("fireflies", "keep|damp");
+
         /// Distribution of samples over the image: uniform, or adaptive (more samples for pixels with more error so far)
         /// [default: adaptive; lcs-paper: uniform]
         sampling: Sampling = |s| Sampling::default_of(s.estimator()), Setting::sampling("sampling", "NAME").also(Page);

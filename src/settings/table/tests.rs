@@ -44,6 +44,7 @@ impl Visitor for Fill {
             "off",
             "localhost:1",
             "0/2",
+            "keep",
             "strip",
             "word",
         ];
