@@ -96,7 +96,7 @@ impl BrightnessLayers {
     pub(super) fn from_values(width: u32, lowest: Option<f32>, values: Vec<f32>) -> Option<BrightnessLayers> {
         let is_finite = values.iter().chain(&lowest).all(|x| x.is_finite());
         let pixels = values.as_chunks::<4>().0.as_chunks::<LAYERS>().0.to_vec();
-        is_finite.then(|| BrightnessLayers { width: width as usize, lowest, pixels })
+        is_finite.then_some(BrightnessLayers { width: width as usize, lowest, pixels })
     }
 
     /// RGB per pixel of the light that damping takes from the mean over `samples` samples per pixel in this number of iterations.
@@ -145,7 +145,7 @@ fn lowest_layer(rgb: &[f32]) -> Option<f32> {
 
 /// Binary logarithm of a positive number, linear between powers of two, so that all machines agree; -127 or more.
 fn log2(x: f32) -> f32 {
-    x.max(0.0).to_bits() as f32 / (1u32 << f32::MANTISSA_DIGITS - 1) as f32 - 127.0
+    x.max(0.0).to_bits() as f32 / (1u32 << (f32::MANTISSA_DIGITS - 1)) as f32 - 127.0
 }
 
 #[cfg(test)]
