@@ -6,7 +6,7 @@ Each beam has one point per echo in its histogram, at the centre of the echo's l
 laser, is left out. Distances are those in a medium of index 1. Noise is taken from SCAN.variance.npy (taugate render --variance), if it exists, and else estimated.
 
 The file has the fields x, y, z, intensity, echo (counted from 1) and echoes (of the beam). CloudCompare, MeshLab and Blender open it.
-With SCAN.aov.npy (--aov object,depth), object_id is the number of the object, for echoes at the surface on the axis of the beam, else 0.
+With a duration, time is that of the shot in seconds. With SCAN.aov.npy (--aov object,depth), object_id is the number of the object, for echoes at the surface on the axis of the beam, else 0.
 """
 
 import argparse
@@ -113,8 +113,11 @@ def main():
     variance = numpy.load(variances, mmap_mode="r") if variances.exists() else None
     if variance is None:
         print(f"note: there is no {variances}, so the noise is estimated; with fog, render with --variance")
-    laser = numpy.array(about["laser"], float)
-    beams = numpy.array(about["laser_points"], float) - laser
+    beams = numpy.array(about["laser_points"], float)
+    # A LiDAR on a car has another place at each shot.
+    places = numpy.broadcast_to(numpy.array(about.get("laser_places", about["laser"]), float), beams.shape)
+    times = about.get("shot_times_s")
+    beams -= places
     beams /= numpy.linalg.norm(beams, axis=1, keepdims=True)
     start, width = 0.5 * about["start_opl"], 0.5 * about["bin_width_opl"]
     layers = path.with_suffix(".aov.npy")
@@ -124,7 +127,9 @@ def main():
         found = echoes(seen, errors, wanted.distance / width, wanted.sigmas)
         for echo in KEEP[wanted.keep](found) if found else []:
             depth = start + width * (echo[0] + 0.5)
-            row = (*(laser + depth * beam), echo[1], found.index(echo) + 1, len(found))
+            row = (*(places[number] + depth * beam), echo[1], found.index(echo) + 1, len(found))
+            if times is not None:
+                row += (times[number],)
             if axis is not None:
                 is_axis = abs(axis["range"][number] - depth) < wanted.distance
                 row += (axis["object_id"][number] if is_axis else 0,)
@@ -132,8 +137,9 @@ def main():
     header = f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n"
     header += "".join(f"property float {name}\n" for name in ["x", "y", "z", "intensity"])
     header += "property uchar echo\nproperty uchar echoes\n"
+    header += "" if times is None else "property double time\n"
     header += "" if axis is None else "property uint object_id\n"
-    form = "%.4f %.4f %.4f %.6g %d %d" + ("" if axis is None else " %d")
+    form = "%.4f %.4f %.4f %.6g %d %d" + ("" if times is None else " %.9f") + ("" if axis is None else " %d")
     text = numpy.array(rows).reshape(-1, len(form.split()))
     numpy.savetxt(wanted.points, text, fmt=form, header=header + "end_header", comments="")
     print(f"{wanted.points}: {len(rows)} points of {len(beams)} beams")

@@ -30,10 +30,12 @@ fn shipped_experiments_can_be_read() {
         "street-drive.toml",
         "street-slices.toml",
         "street-lidar.toml",
+        "street-turn.toml",
         "hidden-letter.toml",
     ];
     for name in names {
         let experiment = Experiment::read(&folder().join(name)).unwrap_or_else(|e| panic!("{e}"));
+        assert!(experiment.input_files().len() == experiment.input_paths().len(), "{name} must name files that exist");
         assert!(experiment.scene.is_some_and(|s| s.exists()), "{name} must name a scene that exists");
     }
 }

@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn parts_merge_to_the_whole() {
         // The brightness of the first iteration of a part chooses its layers.
-        let image = |i: u32| noise(i, if i % 5 == 0 { &[(27, 700.0), (28, 0.3)] } else { &[] });
+        let image = |i: u32| noise(i, if i.is_multiple_of(5) { &[(27, 700.0), (28, 0.3)] } else { &[] });
         let dim = |i: u32| image(i).iter().map(|x| if i == 20 { 0.1 * x } else { *x }).collect::<Vec<f32>>();
         let all = |numbers: std::ops::Range<u32>| layers(numbers.map(|i| (1 + i % 4, dim(i))));
         let (whole, count) = all(0..40);

@@ -117,7 +117,7 @@ impl ScanFilm {
     pub fn description<'a>(
         &self,
         table: &ScanTable,
-        scan: &Scan,
+        scan: &'a Scan,
         measured: usize,
         samples: u64,
         layers: Option<&'a ScanLayers>,
@@ -126,6 +126,8 @@ impl ScanFilm {
         let positions = |points: &[glam::DVec3]| points.iter().map(|p| p.to_array()).collect::<Vec<_>>();
         let laser_points = table.points.as_ref().or(table.laser_points.as_ref());
         let sensor_points = table.points.as_ref().or(table.sensor_points.as_ref());
+        let steps =
+            (scan.at_once > 1).then(|| [scan.at_once, scan.laser_points.len() / scan.at_once].map(|n| n as u32));
         Description {
             bins: Bins::of(&provenance.responses),
             responses: provenance.responses.iter().map(Entry::of).collect(),
@@ -140,8 +142,10 @@ impl ScanFilm {
             divergence_degrees: scan.divergence.to_degrees(),
             pixel_fov_degrees: scan.pixel_fov.to_degrees(),
             account_first_and_last_bounces: scan.accounts_first_and_last,
-            laser_grid: laser_points.and_then(Points::grid),
-            sensor_grid: sensor_points.and_then(Points::grid),
+            laser_grid: laser_points.and_then(Points::grid).or(steps),
+            sensor_grid: sensor_points.and_then(Points::grid).or(steps),
+            shot_times_s: scan.times.as_deref(),
+            laser_places: scan.places.as_deref().map(positions),
             laser_points: positions(&scan.laser_points),
             sensor_points: positions(scan.sensor_points.as_ref().unwrap_or(&scan.laser_points)),
             measured_laser_points: measured,
@@ -175,6 +179,12 @@ pub struct Description<'a> {
     /// Columns and rows of the points; null if they are a list.
     laser_grid: Option<[u32; 2]>,
     sensor_grid: Option<[u32; 2]>,
+    /// Time of each shot in seconds, if the scan has a duration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shot_times_s: Option<&'a [f64]>,
+    /// Where laser and sensor are at each shot, if they move.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    laser_places: Option<Vec<[f64; 3]>>,
     /// For directions: the points at 1 m from the laser.
     laser_points: Vec<[f64; 3]>,
     sensor_points: Vec<[f64; 3]>,

@@ -130,7 +130,9 @@ impl Experiment {
         let mut paths = Paths(look, Ok(()));
         self.visit(&mut paths);
         self.medium.list.iter_mut().for_each(|table| table.visit(&mut paths));
-        paths.1
+        let Paths(mut look, done) = paths;
+        done?;
+        self.scan.iter_mut().flat_map(ScanTable::paths).try_for_each(&mut look)
     }
 
     /// Fails if a path is not UTF-8, because images and printed experiments store paths as text.

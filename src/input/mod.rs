@@ -9,6 +9,7 @@ pub mod plain;
 pub mod resolve;
 pub mod response_table;
 pub mod responses;
+mod rows;
 pub mod scan_table;
 pub mod scenery;
 pub mod sequence;

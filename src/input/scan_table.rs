@@ -1,8 +1,10 @@
 //! `[scan]` of an experiment file: a laser and a sensor that look at points of a wall, or in directions as a LiDAR does.
 
 mod points;
+mod trajectory;
 
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -16,7 +18,9 @@ use crate::scene::{Aim, Camera, Light, LightKind, Projection};
 use crate::settings::MAX_ROW;
 use crate::settings::keys::Dashed;
 use crate::settings::numbers::Numbers;
-pub use points::{Directions, Ends, Grid, Points};
+use crate::settings::values::Seconds;
+pub use points::{Directions, Ends, Grid, Points, Spinning};
+use trajectory::Trajectory;
 
 /// Name of the camera of a scan.
 pub const SENSOR: &str = "scan sensor";
@@ -32,7 +36,7 @@ const MAX_LASER_POINTS: u32 = 1 << 20;
 const MAX_ANGLE: f64 = 90.0;
 
 /// The keys of `[scan]` that no other table has. `[[light]]` has a power too.
-pub const KEYS: [&str; 9] = [
+pub const KEYS: [&str; 12] = [
     "laser",
     "sensor",
     "divergence",
@@ -42,6 +46,9 @@ pub const KEYS: [&str; 9] = [
     "laser-points",
     "sensor-points",
     "ends",
+    "duration",
+    "trajectory",
+    "begin",
 ];
 
 /// A scan as the user wrote it. Reading a file checks it, so [`ScanTable::scan`] cannot fail afterwards.
@@ -68,6 +75,12 @@ pub struct ScanTable {
     pub sensor_points: Option<Points>,
     /// Where the first and the last point of grids and directions are; by default [`Ends::Centres`].
     pub ends: Option<Ends>,
+    /// Time from the first shot to the end of the scan. Shots are evenly spaced in time; all channels of a spinning LiDAR fire at once.
+    pub duration: Option<Seconds>,
+    /// A file with the poses of a LiDAR in world space. Place and directions of the LiDAR are then those in its own frame.
+    pub trajectory: Option<PathBuf>,
+    /// Time of the first shot in the trajectory; by default that of its first pose.
+    pub begin: Option<Seconds>,
 }
 
 /// A scan. It consists of one render per point of the laser. Positions are in world space, in metres.
@@ -83,15 +96,27 @@ pub struct Scan {
     pub laser_points: Vec<DVec3>,
     /// `None` if each point of the laser is also the only point of the sensor.
     pub sensor_points: Option<Vec<DVec3>>,
+    /// Time in seconds of each shot of the laser; `None` if the scan has no duration.
+    pub times: Option<Vec<f64>>,
+    /// Where laser and sensor are at each shot, if they move.
+    pub places: Option<Vec<DVec3>>,
+    /// Number of consecutive shots that the laser fires at once: the channels of a spinning LiDAR, else 1.
+    pub at_once: usize,
 }
 
 impl ScanTable {
+    /// The files that the table names.
+    pub fn paths(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let all = [&mut self.points, &mut self.laser_points, &mut self.sensor_points];
+        all.into_iter().flatten().filter_map(Points::path).chain(&mut self.trajectory)
+    }
+
     /// Fails with one sentence if keys exclude each other, or if a number is out of range.
     pub fn scan(&self) -> Result<Scan, String> {
         let laser = DVec3::from(self.laser.0);
         let sensor = self.sensor.map_or(laser, |sensor| sensor.0.into());
         let given = [&self.points, &self.laser_points, &self.sensor_points];
-        if self.ends.is_some() && given.into_iter().flatten().all(|points| points.grid().is_none()) {
+        if self.ends.is_some() && given.into_iter().flatten().all(|points| !points.have_ends()) {
             return Err("ends is for grids and directions, and the points are a list: remove it".into());
         }
         let ends = self.ends.unwrap_or_default();
@@ -126,10 +151,71 @@ impl ScanTable {
         };
         let divergence = angle("divergence", self.divergence)?;
         let pixel_fov = angle("pixel-fov", self.pixel_fov)?;
-        let scan =
-            Scan { laser, sensor, power, divergence, pixel_fov, accounts_first_and_last, laser_points, sensor_points };
+        let shots = laser_points.len();
+        let at_once = match self.points {
+            Some(Points::Spinning(Spinning { steps, .. })) => shots / steps as usize,
+            _ => 1,
+        };
+        let mut scan = Scan {
+            laser,
+            sensor,
+            power,
+            divergence,
+            pixel_fov,
+            accounts_first_and_last,
+            laser_points,
+            sensor_points,
+            times: None,
+            places: None,
+            at_once,
+        };
+        self.set_times(&mut scan)?;
         scan.check()?;
         Ok(scan)
+    }
+
+    /// Sets the times of the shots, and moves a LiDAR along its trajectory.
+    fn set_times(&self, scan: &mut Scan) -> Result<(), String> {
+        let Some(Seconds(duration)) = self.duration else {
+            return match self.trajectory.is_some() || self.begin.is_some() {
+                true => {
+                    Err("a trajectory needs the time of each shot: add duration, such as '100ms' for a turn".into())
+                }
+                false => Ok(()),
+            };
+        };
+        let trajectory = self.trajectory.as_deref().map(Trajectory::read).transpose()?;
+        let begin = match (&self.begin, &trajectory) {
+            (Some(Seconds(begin)), Some(_)) => *begin,
+            (Some(_), None) => return Err("begin is a time of a trajectory: add trajectory, or remove begin".into()),
+            (None, trajectory) => trajectory.as_ref().map_or(0.0, |trajectory| trajectory.range()[0]),
+        };
+        let shots = scan.laser_points.len();
+        let steps = (shots / scan.at_once) as f64;
+        let times: Vec<f64> =
+            (0..shots).map(|shot| begin + duration * ((shot / scan.at_once) as f64 / steps)).collect();
+        if let Some(trajectory) = trajectory {
+            let is_lidar = self.points.as_ref().is_some_and(Points::are_directions);
+            if !is_lidar {
+                return Err("a trajectory moves a LiDAR, whose points are directions: remove trajectory".into());
+            }
+            let ([first, last], end) = (trajectory.range(), times[shots - 1]);
+            if begin < first || end > last {
+                return Err(format!(
+                    "the shots are from {begin} s to {end} s, and the trajectory only from {first} s to {last} s; add poses, or change begin \
+                     or duration"
+                ));
+            }
+            let mut places = vec![];
+            for (point, &time) in scan.laser_points.iter_mut().zip(&times) {
+                let (position, rotation) = trajectory.at(time);
+                *point = position + rotation * *point;
+                places.push(position + rotation * scan.laser);
+            }
+            scan.places = Some(places);
+        }
+        scan.times = Some(times);
+        Ok(())
     }
 }
 
@@ -177,7 +263,17 @@ impl Scan {
         let numbers = || numbers.clone().map(|number| number.min(last));
         let points: Vec<DVec3> = numbers().map(|number| self.laser_points[number]).collect();
         let seeds = numbers().map(|number| Scan::seed(seed, number)).collect();
-        (aimed(self.sensor, &points, self.pixel_fov, |_| 0.0), seeds)
+        (aimed(self.sensor_at(numbers().next().unwrap_or(last)), &points, self.pixel_fov, |_| 0.0), seeds)
+    }
+
+    /// Where the laser is while it looks at its point `index`.
+    pub fn laser_at(&self, index: usize) -> DVec3 {
+        self.places.as_ref().map_or(self.laser, |places| places[index])
+    }
+
+    /// Where the sensor is while the laser looks at its point `index`.
+    fn sensor_at(&self, index: usize) -> DVec3 {
+        self.places.as_ref().map_or(self.sensor, |places| places[index])
     }
 
     /// Number of points at which the sensor looks for each point of the laser.
@@ -189,8 +285,8 @@ impl Scan {
     pub fn light(&self, index: usize) -> Light {
         Light {
             node: LASER.into(),
-            position: self.laser,
-            direction: (self.laser_points[index] - self.laser).normalize(),
+            position: self.laser_at(index),
+            direction: (self.laser_points[index] - self.laser_at(index)).normalize(),
             kind: match self.divergence > 0.0 {
                 false => LightKind::Beam { power: [self.power as f32; 3], radius: 0.0 },
                 true => LightKind::cone(self.power, 0.5 * self.divergence),
@@ -211,7 +307,7 @@ impl Scan {
             true => 0.0,
             false => self.laser.distance(lit) + self.sensor.distance(point),
         };
-        aimed(self.sensor, points, self.pixel_fov, uncounted)
+        aimed(self.sensor_at(index), points, self.pixel_fov, uncounted)
     }
 }
 
@@ -234,187 +330,13 @@ impl Serialize for ScanTable {
 impl<'de> Deserialize<'de> for ScanTable {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ScanTable, D::Error> {
         let table = ScanTable::deserialize(Dashed(deserializer, |key| key))?;
-        table.scan().map_err(D::Error::custom)?;
+        // The paths of files are relative to the experiment file until it is read as a whole.
+        if table.clone().paths().next().is_none() {
+            table.scan().map_err(D::Error::custom)?;
+        }
         Ok(table)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use std::f64::consts::PI;
-
-    use super::*;
-    use crate::input::experiment::Experiment;
-
-    fn parse(keys: &str) -> Result<Scan, String> {
-        let experiment = Experiment::parse(&format!("[scan]\n{keys}")).map_err(|e| e.to_string())?;
-        assert_eq!(Experiment::parse(&experiment.to_toml()).unwrap(), experiment, "{}", experiment.to_toml());
-        experiment.scan.unwrap().scan()
-    }
-
-    /// The message about an unknown key lists all keys of the table.
-    #[test]
-    fn keys_are_those_of_the_table_without_the_power() {
-        let message = parse("no-such-key = 1").unwrap_err();
-        let (_, keys) = message.split_once("choose one of ").unwrap();
-        assert_eq!(keys.split(", ").filter(|key| *key != "power").collect::<Vec<_>>(), KEYS);
-    }
-
-    #[test]
-    fn scans_with_other_seeds_share_no_render() {
-        assert_eq!([Scan::seed(7, 0), Scan::seed(8, 0)], [7, 8]);
-        let mut seeds: Vec<u32> = (0..20).flat_map(|seed| (0..500).map(move |index| Scan::seed(seed, index))).collect();
-        seeds.sort_unstable();
-        seeds.dedup();
-        assert_eq!(seeds.len(), 20 * 500);
-    }
-
-    #[test]
-    fn a_grid_has_its_points_row_by_row() {
-        let scan = parse(
-            "laser = [0, 0, 5]\nsensor = '0,0,4'\npoints = {corner = [-1, 1, 0], across = [2, 0, 0], down = [0, -2, 0], count = [2, 1]}",
-        )
-        .unwrap();
-        assert_eq!(scan.laser_points, [DVec3::new(-0.5, 0.0, 0.0), DVec3::new(0.5, 0.0, 0.0)]);
-        assert_eq!((scan.sensor_points.clone(), scan.sensor_count()), (None, 1));
-        let camera = scan.camera(1);
-        let aims = camera.projection.aims().unwrap();
-        assert_eq!((aims.len(), aims[0].point), (1, DVec3::new(0.5, 0.0, 0.0)));
-        assert_eq!(aims[0].uncounted, 25.25f64.sqrt() + 16.25f64.sqrt());
-    }
-
-    #[test]
-    fn all_points_of_the_sensor_belong_to_each_point_of_the_laser() {
-        let keys = "laser = [0, 0, 5]\npower = 2\naccount_first_and_last_bounces = true\n\
-                    laser_points = [[0, 0, 0], [0, 3, 0]]\nsensor-points = [[1, 0, 0], [2, 0, 0], [3, 0, 0]]";
-        let scan = parse(keys).unwrap();
-        assert_eq!((scan.laser_points.len(), scan.sensor_count(), scan.sensor), (2, 3, DVec3::new(0.0, 0.0, 5.0)));
-        let (camera, light) = (scan.camera(1), scan.light(0));
-        assert!(camera.projection.aims().unwrap().iter().all(|aim| aim.uncounted == 0.0));
-        assert_eq!((light.direction, light.kind), (DVec3::NEG_Z, LightKind::Beam { power: [2.0; 3], radius: 0.0 }));
-    }
-
-    fn directions(forward: &str, azimuth: &str) -> String {
-        format!("points = {{forward = {forward}, azimuth = {azimuth}, elevation = [-10, 20], count = [2, 3]}}")
-    }
-
-    #[test]
-    fn directions_run_from_the_left_and_from_the_top() {
-        let keys = directions("[0, 0, -2]", "[-20, 60]");
-        let scan = parse(&format!("laser = [1, 2, 3]\ndivergence = 0.2\npixel-fov = 0.1\n{keys}")).unwrap();
-        assert!(scan.accounts_first_and_last && scan.laser_points.len() == 6);
-        let direction = |index: usize| scan.laser_points[index] - DVec3::new(1.0, 2.0, 3.0);
-        let wanted = |azimuth: f64, elevation: f64| {
-            let [a, e] = [azimuth, elevation].map(f64::to_radians);
-            DVec3::new(a.sin() * e.cos(), e.sin(), -a.cos() * e.cos())
-        };
-        for (index, azimuth, elevation) in [(0, 0.0, 15.0), (1, 40.0, 15.0), (2, 0.0, 5.0), (5, 40.0, -5.0)] {
-            assert!(direction(index).distance(wanted(azimuth, elevation)) < 1e-12, "{index}");
-        }
-        // All of the power, 1 W, is in the cone.
-        let LightKind::Spot { intensity, inner, outer } = scan.light(0).kind else { panic!("a cone is a spot light") };
-        let cap = |half: f32| 4.0 * PI * (0.5 * f64::from(half)).sin().powi(2);
-        // The integral of the falloff, the square of a ramp, is a third of the solid angle between the cones.
-        let power = f64::from(intensity[0]) * (cap(inner) + (cap(outer) - cap(inner)) / 3.0);
-        assert!((power - 1.0).abs() < 1e-6, "{power}");
-    }
-
-    /// The 16 rows of a LiDAR whose data sheet says "-15 to 15 degrees, every 2 degrees", and its turn that begins straight ahead.
-    #[test]
-    fn ends_are_included_or_rows_are_the_centres_of_cells() {
-        let angles = |keys: &str| {
-            let points = "points = {forward = [0, 0, -1], azimuth = [0, 360], elevation = [-15, 15], count = [4, 16]}";
-            let scan = parse(&format!("laser = [0, 0, 0]\n{keys}\n{points}")).unwrap();
-            let of = |p: &DVec3| [p.x.atan2(-p.z).rem_euclid(2.0 * PI), p.y.asin()].map(f64::to_degrees);
-            scan.laser_points.iter().map(of).collect::<Vec<_>>()
-        };
-        let close = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
-        let included = angles("ends = 'included'");
-        for (row, elevation) in (0..16).zip((0..16).map(|row| 15.0 - 2.0 * f64::from(row))) {
-            for (column, azimuth) in [0.0, 90.0, 180.0, 270.0].into_iter().enumerate() {
-                let [a, e] = included[row * 4 + column];
-                close(a, azimuth);
-                close(e, elevation);
-            }
-        }
-        for keys in ["", "ends = 'centres'"] {
-            let centres = angles(keys);
-            close(centres[0][1], 14.0625);
-            close(centres[0][0], 45.0);
-            close(centres[63][1], -14.0625);
-        }
-        // A part of a turn has both ends, and the points of a wall have its corners. A single row is in the middle.
-        let keys = |points: &str| format!("laser = [0, 0, 5]\nends = 'included'\npoints = {points}");
-        let half = "{forward = [0, 0, -1], azimuth = [0, 90], elevation = [-10, 10], count = [2, 1]}";
-        let scan = parse(&keys(half)).unwrap();
-        assert!(scan.laser_points[0].distance(DVec3::new(0.0, 0.0, 4.0)) < 1e-12);
-        assert!(scan.laser_points[1].distance(DVec3::new(1.0, 0.0, 5.0)) < 1e-12);
-        let wall = "{corner = [-1, 1, 0], across = [2, 0, 0], down = [0, -2, 0], count = [3, 2]}";
-        let scan = parse(&keys(wall)).unwrap();
-        assert_eq!(scan.laser_points[0], DVec3::new(-1.0, 1.0, 0.0));
-        assert_eq!(scan.laser_points[5], DVec3::new(1.0, -1.0, 0.0));
-        let message = parse(&keys("[[0, 0, 0]]")).unwrap_err();
-        assert!(message.contains("ends is for grids and directions"), "{message}");
-        assert!(parse(&keys(half).replace("included", "middle")).is_err());
-    }
-
-    #[test]
-    fn a_scan_has_a_million_beams() {
-        let turn = |rows: u32| {
-            format!(
-                "laser = [0, 0, 5]\npoints = {{forward = [0, 0, -1], azimuth = [0, 360], elevation = [-9, 9], count = [8192, {rows}]}}"
-            )
-        };
-        assert_eq!(parse(&turn(128)).unwrap().laser_points.len(), 1 << 20);
-        let message = parse(&turn(129)).unwrap_err();
-        assert!(message.contains("a scan has 1 to 1048576"), "{message}");
-        // The sensor of an exhaustive scan has an image of one row.
-        let many = turn(8).replace("\npoints", "\nlaser-points = [[0, 0, 0]]\nsensor-points");
-        let message = parse(&many).unwrap_err();
-        assert!(message.contains("a scan has 1 to 65535"), "{message}");
-    }
-
-    #[test]
-    fn mistakes_name_the_remedy() {
-        let grid = |count: &str| {
-            format!("points = {{corner = [0, 0, 0], across = [1, 0, 0], down = [0, 1, 0], count = {count}}}")
-        };
-        let table = [
-            (String::new(), "needs points"),
-            ("laser_points = [[0, 0, 0]]".into(), "needs points"),
-            ("points = []".into(), "0 points"),
-            ("points = [[0, 0]]".into(), "points must be points, like"),
-            ("points = [[0, 0, nan]]".into(), "finite"),
-            ("points = [[0, 0, 5]]".into(), "in front of the wall"),
-            (grid("[0, 4]"), "0 points"),
-            (grid("[4000, 4000]"), "16000000 points"),
-            (grid("[4]"), "points must be points, like"),
-            ("points = [[0, 0, 0]]\npower = -1".into(), "above 0"),
-            ("points = [[0, 0, 1e99]]".into(), "from the origin"),
-            (
-                "points = [[0, 0, 0], [0, 1e16, 0]]".into(),
-                "the point 0e0, 1e16, 0e0 is farther than 1e15 m from the origin",
-            ),
-            ("points = [[0, 0, 0], [0, 9e14, 0]]".into(), "camera 'scan sensor' aims"),
-            (
-                "laser-points = [[0, 0, 0], [0, 9e14, 0]]\nsensor-points = [[0, 0, 1], [0, 8e14, 0]]".into(),
-                "scan sensor",
-            ),
-            ("point = [[0, 0, 0]]".into(), "no key point"),
-            ("points = [[0, 0, 0]]\ndivergence = 100".into(), "from 0 to 90"),
-            ("points = [[0, 0, 0]]\npixel_fov = -1".into(), "from 0 to 90"),
-            (directions("[0, 0, -1]", "[30, -30]"), "must rise"),
-            (directions("[0, 0, -1]", "[-180, 181]"), "by a full turn at most"),
-            (directions("[0, 1, 0]", "[-30, 30]"), "not vertical"),
-            (format!("sensor = [0, 0, 4]\n{}", directions("[0, 0, -1]", "[-30, 30]")), "in one place"),
-            (
-                format!("account-first-and-last-bounces = false\n{}", directions("[0, 0, -1]", "[-30, 30]")),
-                "directions give no distances",
-            ),
-        ];
-        for (keys, part) in table {
-            let message = parse(&format!("laser = [0, 0, 5]\n{keys}")).expect_err(&keys);
-            assert!(message.contains(part), "{keys}: {message}");
-        }
-    }
-}
+mod tests;

@@ -10,7 +10,6 @@ mod phase;
 mod radiance_hdr;
 mod scan;
 mod sky_image;
-mod two_columns;
 
 pub(super) use camera::AUTO;
 

@@ -131,7 +131,7 @@ impl ReadyScan {
 
     /// Number of samples that were not finite. They count as 0 in the array.
     pub fn dropped(&self) -> u64 {
-        self.measurement.renderer().dropped()
+        self.measurement.dropped()
     }
 
     /// Seconds of measuring so far, without the preparation.

@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, OnceLock};
 
+use glam::DVec3;
+
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
@@ -129,6 +131,11 @@ impl PreparedScene {
             *bounds = bounds.moved(moved * self.space.unit);
         }
         Ok(true)
+    }
+
+    /// Whether the camera may move to this place, in metres in world space, while the render space stays.
+    pub fn reaches(&self, place: DVec3) -> bool {
+        self.space.sensor(place).is_some()
     }
 
     /// Updates `self` after surfaces of [`Scene::moving`], lights without a surface, or the camera have moved. The rest of `scene` must be

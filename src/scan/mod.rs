@@ -1,6 +1,6 @@
 //! Measures scans, for the program and for Python. A scan consists of one render per point of the laser, all on one renderer. The beams
 //! of a LiDAR whose light comes straight back share renders instead: each pixel of an image is a beam. Every beam then has the random
-//! numbers of a render of its own.
+//! numbers of a render of its own. If the LiDAR moves, only beams that are fired at once share a render.
 
 #![warn(missing_docs)]
 
@@ -55,7 +55,8 @@ impl PreparedScan {
         let count = scan.laser_points.len();
         let max = (MAX_VALUES / settings.responses().len()).clamp(1, MAX_BEAMS);
         // Renders of nearly equal size, because the last one is filled up with copies of the last beam.
-        let beams = count.div_ceil(count.div_ceil(max));
+        let together = if scan.places.is_some() { scan.at_once } else { count };
+        let beams = together.div_ceil(together.div_ceil(max));
         let (camera, seeds) = scan.beams(0..beams, settings.seed());
         scene.cameras[settings.camera()] = camera;
         let settings = settings.change().resolution([beams as u32, 1]).crop(None).build()?;
@@ -108,6 +109,8 @@ pub struct Measurement {
     film: ScanFilm,
     measured: usize,
     samples: u64,
+    /// Samples that were not finite, of earlier renderers.
+    dropped_before: u64,
 }
 
 impl Measurement {
@@ -122,7 +125,7 @@ impl Measurement {
             renderer.estimate_response_variance();
         }
         let film = ScanFilm::new(&scan, of.settings.responses().len(), has_variance);
-        Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0 })
+        Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0, dropped_before: 0 })
     }
 
     /// Number of points of the laser measured so far.
@@ -148,6 +151,11 @@ impl Measurement {
     /// The renderer, for its statistics.
     pub fn renderer(&self) -> &Renderer {
         &self.renderer
+    }
+
+    /// Number of samples that were not finite. They count as 0.
+    pub fn dropped(&self) -> u64 {
+        self.dropped_before + self.renderer.dropped()
     }
 
     /// What each point of the sensor shows on the axis of its line of sight. Fails if the device is lost.
@@ -195,7 +203,13 @@ impl Measurement {
     /// is complete. Fails if the device is lost.
     fn step(&mut self, strict: bool, stop: &Arc<AtomicBool>) -> Result<End> {
         let count = self.scan.laser_points.len();
-        let points = self.measured..(self.measured + self.of.beams.unwrap_or(1)).min(count);
+        // The place changes from shot to shot.
+        let end = match self.scan.places.is_some() {
+            true => (self.measured / self.scan.at_once + 1) * self.scan.at_once,
+            false => count,
+        };
+        let points = self.measured..(self.measured + self.of.beams.unwrap_or(1)).min(end);
+        self.follow(points.start)?;
         match self.of.beams {
             Some(beams) => self.turn_beams(points.start..points.start + beams)?,
             None => self.turn(points.start)?,
@@ -211,24 +225,62 @@ impl Measurement {
         Ok(end)
     }
 
+    /// Prepares the scene again if the LiDAR is too far from the origin of render space at its shot `number`. The device holds two copies
+    /// of the scene for a moment.
+    fn follow(&mut self, number: usize) -> Result<()> {
+        let place = self.scan.places.as_ref().map(|places| places[number]);
+        if place.is_none_or(|place| self.of.prepared.reaches(place)) {
+            return Ok(());
+        }
+        let PreparedScan { scene, settings, beams, .. } = &self.of;
+        let (mut scene, settings, beams) = (scene.clone(), settings.clone(), *beams);
+        *scene.lights.last_mut().expect("the laser is the last light") = self.scan.light(number);
+        let (camera, seeds) = self.scan.beams(number..number + beams.unwrap_or(1), settings.seed());
+        scene.cameras[settings.camera()] = camera;
+        let prepared = PreparedScene::new(&scene, &settings)?;
+        let prepared = if beams.is_some() { prepared.with_own_lasers(&seeds) } else { prepared };
+        let mut renderer = Renderer::from_prepared(self.renderer.device(), &scene, &settings, &prepared)?;
+        if self.renderer.has_response_variance() {
+            renderer.estimate_response_variance();
+        }
+        self.dropped_before = self.dropped();
+        (self.of, self.renderer) = (PreparedScan { scene, settings, prepared, beams }, renderer);
+        Ok(())
+    }
+
     /// Turns laser and sensor to point `number` of the laser.
     fn turn(&mut self, number: usize) -> Result<()> {
-        let PreparedScan { scene, settings, prepared, .. } = &mut self.of;
-        let laser = scene.lights.len() - 1;
-        scene.lights[laser] = self.scan.light(number);
-        if !prepared.follow(scene, settings)? || !self.renderer.set_camera(&self.scan.camera(number))? {
-            unreachable!("laser and sensor keep their places, and turn");
+        self.set_laser(number)?;
+        if !self.renderer.set_camera(&self.scan.camera(number))? {
+            unreachable!("the sensor is in reach");
         }
+        let PreparedScan { settings, prepared, .. } = &self.of;
         self.renderer.set_lights(prepared)?;
         self.renderer.restart(Scan::seed(settings.seed(), number), settings.responses().clone())
     }
 
-    /// Turns all beams of the next render.
+    /// Turns the laser of the scene to point `number`, and moves it there. The render space stays, so all shots round alike.
+    fn set_laser(&mut self, number: usize) -> Result<()> {
+        let PreparedScan { scene, settings, prepared, .. } = &mut self.of;
+        *scene.lights.last_mut().expect("the laser is the last light") = self.scan.light(number);
+        let follows = match self.scan.places.is_some() {
+            true => prepared.follow_nearby(scene, settings)?,
+            false => prepared.follow(scene, settings)?,
+        };
+        assert!(follows, "the laser is the only light");
+        Ok(())
+    }
+
+    /// Turns all beams of the next render, and moves them to their place.
     fn turn_beams(&mut self, beams: Range<usize>) -> Result<()> {
+        if self.scan.places.is_some() {
+            self.set_laser(beams.start)?;
+            self.renderer.set_lights(&self.of.prepared)?;
+        }
         let (camera, seeds) = self.scan.beams(beams, self.of.settings.seed());
         match self.renderer.set_beams(&camera, &seeds)? {
             true => Ok(()),
-            false => unreachable!("the sensor keeps its place, and turns"),
+            false => unreachable!("the sensor is in reach"),
         }
     }
 

@@ -25,6 +25,7 @@ mod interiors;
 mod lamps;
 mod lens;
 mod merging;
+mod moving_lidar;
 mod null_boundaries;
 mod orthographic;
 mod regressions;

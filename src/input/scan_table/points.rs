@@ -1,7 +1,11 @@
 //! The points at which a scan looks: a list, a grid or directions.
 
+use std::path::{Path, PathBuf};
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+
+use crate::input::rows;
 
 /// Which positions the points of a grid have, and the directions of a LiDAR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -23,12 +27,13 @@ const TURN: f64 = 360.0;
 #[serde(
     untagged,
     expecting = "expected points, like [[0, 1, 2], [3, 4, 5]], or a grid {corner = [0, 0, 0], across = [1, 0, 0], down = [0, -1, 0], \
-                 count = [16, 16]}, or directions {forward = [0, 0, -1], azimuth = [-30, 30], elevation = [-10, 5], count = [60, 15]}"
+                 count = [16, 16]}, or directions {forward = [0, 0, -1], azimuth = [-30, 30], elevation = [-10, 5], count = [60, 15]}, or {channels = 'channels.csv', forward = [0, 0, -1], azimuth = [0, 360], steps = 1800}"
 )]
 pub enum Points {
     List(Vec<[f64; 3]>),
     Grid(Grid),
     Directions(Directions),
+    Spinning(Spinning),
 }
 
 /// Directions of a LiDAR, row by row from the top. Angles are in degrees: azimuth to the right of `forward`, elevation above it.
@@ -40,6 +45,17 @@ pub struct Directions {
     pub azimuth: [f64; 2],
     pub elevation: [f64; 2],
     pub count: [u32; 2],
+}
+
+/// Directions of a LiDAR that spins: at each step of the azimuth, all channels fire at once. Angles as in [`Directions`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spinning {
+    /// A CSV file with a channel per row: its elevation, and how far its azimuth is ahead of the step, both in degrees.
+    pub channels: PathBuf,
+    pub forward: [f64; 3],
+    pub azimuth: [f64; 2],
+    pub steps: u32,
 }
 
 /// Points of a parallelogram, row by row: `count[0]` points along `across`, then the next row along `down`. By default they are the
@@ -57,25 +73,47 @@ impl Points {
     /// Columns and rows of a grid.
     pub fn grid(&self) -> Option<[u32; 2]> {
         match self {
-            Points::List(_) => None,
+            Points::List(_) | Points::Spinning(_) => None,
             Points::Grid(grid) => Some(grid.count),
             Points::Directions(directions) => Some(directions.count),
         }
     }
 
     pub(super) fn are_directions(&self) -> bool {
-        matches!(self, Points::Directions(_))
+        matches!(self, Points::Directions(_) | Points::Spinning(_))
+    }
+
+    /// Whether the places of points within a range are chosen by [`Ends`].
+    pub(super) fn have_ends(&self) -> bool {
+        !matches!(self, Points::List(_))
+    }
+
+    /// The file that the points name.
+    pub(super) fn path(&mut self) -> Option<&mut PathBuf> {
+        match self {
+            Points::Spinning(spinning) => Some(&mut spinning.channels),
+            _ => None,
+        }
     }
 
     /// The points. A direction gives the point at 1 m from `place`. Fails with one sentence if there are none or more than `max`
-    /// points, or if a number is not finite or out of range.
+    /// points, if a number is not finite or out of range, or if the file of channels cannot be read.
     pub(super) fn positions(&self, place: DVec3, ends: Ends, max: u32) -> Result<Vec<DVec3>, String> {
-        let (list, numbers) = match self {
-            Points::List(list) => (list.len() as u64, list.clone()),
-            Points::Grid(grid) => (1, vec![grid.corner, grid.across, grid.down]),
-            Points::Directions(directions) => (1, directions.numbers()?),
+        let channels = match self {
+            Points::Spinning(spinning) => read_channels(&spinning.channels)?,
+            _ => vec![],
         };
-        let count = self.grid().map_or(list, |[columns, rows]| u64::from(columns) * u64::from(rows));
+        let product = |[columns, rows]: [u32; 2]| u64::from(columns) * u64::from(rows);
+        let (count, numbers) = match self {
+            Points::List(list) => (list.len() as u64, list.clone()),
+            Points::Grid(grid) => (product(grid.count), vec![grid.corner, grid.across, grid.down]),
+            Points::Directions(directions) => (product(directions.count), directions.numbers()?),
+            Points::Spinning(spinning) => {
+                check_azimuth(spinning.azimuth)?;
+                check_forward(spinning.forward)?;
+                (u64::from(spinning.steps) * channels.len() as u64, vec![spinning.forward])
+            }
+        };
         if !(1..=u64::from(max)).contains(&count) {
             return Err(format!("these are {count} points; here a scan has 1 to {max}"));
         }
@@ -86,7 +124,64 @@ impl Points {
             Points::List(list) => list.iter().map(|&point| point.into()).collect(),
             Points::Grid(grid) => grid.points(ends),
             Points::Directions(directions) => directions.around(place, ends),
+            Points::Spinning(spinning) => spinning.around(place, ends, &channels),
         })
+    }
+}
+
+/// Elevation and azimuth offset in degrees of each channel of a LiDAR.
+fn read_channels(path: &Path) -> Result<Vec<[f64; 2]>, String> {
+    let channels = rows::read::<2>(path, "the elevation and the azimuth offset of a channel in degrees", "-15,1.4")?;
+    let wrong =
+        |[elevation, offset]: &[f64; 2]| !((-90.0..=90.0).contains(elevation) && (-TURN..=TURN).contains(offset));
+    match channels.iter().position(wrong) {
+        None => Ok(channels),
+        Some(k) => Err(format!(
+            "{}: channel {} has the elevation {} and the azimuth offset {}; elevations are from -90 to 90 degrees, offsets from -360 to 360",
+            path.display(),
+            k + 1,
+            channels[k][0],
+            channels[k][1]
+        )),
+    }
+}
+
+fn check_azimuth([a0, a1]: [f64; 2]) -> Result<(), String> {
+    match (-360.0..=360.0).contains(&a0) && (a0..=360.0f64.min(a0 + TURN)).contains(&a1) {
+        true => Ok(()),
+        false => Err(format!(
+            "the azimuth goes from {a0} to {a1}; it must rise by a full turn at most, between -360 and 360 degrees"
+        )),
+    }
+}
+
+fn check_forward(forward: [f64; 3]) -> Result<(), String> {
+    let forward = DVec3::from(forward);
+    match forward.is_finite() && forward.cross(DVec3::Y).length() > 1e-6 * forward.length() {
+        true => Ok(()),
+        false => Err("forward must be a direction that is not vertical, like [0, 0, -1]".into()),
+    }
+}
+
+/// The axes of a LiDAR that faces `forward`.
+struct Axes {
+    forward: DVec3,
+    right: DVec3,
+    up: DVec3,
+}
+
+impl Axes {
+    fn new(forward: [f64; 3]) -> Axes {
+        let forward = DVec3::from(forward).normalize();
+        let right = forward.cross(DVec3::Y).normalize();
+        Axes { forward, right, up: right.cross(forward) }
+    }
+
+    /// The unit direction with these angles in degrees.
+    fn direction(&self, azimuth: f64, elevation: f64) -> DVec3 {
+        let (azimuth, elevation) = (azimuth.to_radians(), elevation.to_radians());
+        let level = azimuth.cos() * self.forward + azimuth.sin() * self.right;
+        elevation.cos() * level + elevation.sin() * self.up
     }
 }
 
@@ -101,45 +196,49 @@ impl Grid {
 impl Directions {
     /// The numbers that must be finite: those of `forward`. Fails if an angle is out of range or if `forward` is zero or vertical.
     fn numbers(&self) -> Result<Vec<[f64; 3]>, String> {
-        let [a0, a1] = self.azimuth;
+        check_azimuth(self.azimuth)?;
         let [e0, e1] = self.elevation;
-        if !(-360.0..=360.0).contains(&a0) || !(a0..=360.0f64.min(a0 + TURN)).contains(&a1) {
-            return Err(format!(
-                "the azimuth goes from {a0} to {a1}; it must rise by a full turn at most, between -360 and 360 degrees"
-            ));
-        }
         if !(-90.0..=90.0).contains(&e0) || !(e0..=90.0).contains(&e1) {
             return Err(format!("the elevation goes from {e0} to {e1}; it must rise, from -90 to 90 degrees at most"));
         }
-        let forward = DVec3::from(self.forward);
-        if !(forward.is_finite() && forward.cross(DVec3::Y).length() > 1e-6 * forward.length()) {
-            return Err("forward must be a direction that is not vertical, like [0, 0, -1]".into());
-        }
+        check_forward(self.forward)?;
         Ok(vec![self.forward])
     }
 
     /// The points in these directions at 1 m from `place`.
     fn around(&self, place: DVec3, ends: Ends) -> Vec<DVec3> {
-        let forward = DVec3::from(self.forward).normalize();
-        let right = forward.cross(DVec3::Y).normalize();
-        let up = right.cross(forward);
-        let between = |[low, high]: [f64; 2], part: f64| (low + part * (high - low)).to_radians();
-        let direction = |[x, y]: [f64; 2]| {
-            let (azimuth, elevation) = (between(self.azimuth, x), between(self.elevation, 1.0 - y));
-            let level = azimuth.cos() * forward + azimuth.sin() * right;
-            elevation.cos() * level + elevation.sin() * up
+        let axes = Axes::new(self.forward);
+        let between = |[low, high]: [f64; 2], part: f64| low + part * (high - low);
+        let columns = ends.steps(self.azimuth, self.count[0]);
+        let point =
+            |[x, y]: [f64; 2]| place + axes.direction(between(self.azimuth, x), between(self.elevation, 1.0 - y));
+        row_by_row(&columns, &ends.parts(self.count[1])).map(point).collect()
+    }
+}
+
+impl Spinning {
+    /// The points in these directions at 1 m from `place`: all channels of a step, then those of the next one.
+    fn around(&self, place: DVec3, ends: Ends, channels: &[[f64; 2]]) -> Vec<DVec3> {
+        let axes = Axes::new(self.forward);
+        let [a0, a1] = self.azimuth;
+        let steps = ends.steps(self.azimuth, self.steps).into_iter().map(|part| a0 + part * (a1 - a0));
+        let channel = |azimuth: f64| {
+            let axes = &axes;
+            channels.iter().map(move |[elevation, offset]| place + axes.direction(azimuth + offset, *elevation))
         };
-        let is_turn = self.azimuth[1] - self.azimuth[0] == TURN;
-        let columns = match ends {
-            // The last end of a turn is its first one again.
-            Ends::Included if is_turn => (0..self.count[0]).map(|i| f64::from(i) / f64::from(self.count[0])).collect(),
-            _ => ends.parts(self.count[0]),
-        };
-        row_by_row(&columns, &ends.parts(self.count[1])).map(|part| place + direction(part)).collect()
+        steps.flat_map(channel).collect()
     }
 }
 
 impl Ends {
+    /// The positions of the steps of an azimuth, as parts of its range. The last end of a turn is its first one again.
+    fn steps(self, [begin, end]: [f64; 2], count: u32) -> Vec<f64> {
+        match self {
+            Ends::Included if end - begin == TURN => (0..count).map(|i| f64::from(i) / f64::from(count)).collect(),
+            _ => self.parts(count),
+        }
+    }
+
     /// The positions of `count` points in a range, as parts of its length.
     fn parts(self, count: u32) -> Vec<f64> {
         let part = |i: u32| match self {

@@ -1,6 +1,6 @@
 //! The phase function of `[medium]`: its parameters, or a table from a file.
 
-use super::two_columns;
+use crate::input::rows;
 use crate::scene::PhaseFunction;
 use crate::settings::medium::{Alpha, DropletDiameter, MeanCosine};
 use crate::settings::phase::{PARAMETERS, Phase};
@@ -53,7 +53,7 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
             },
         },
         Phase::Table(path) => {
-            let rows = two_columns::read(&path, "a cosine and a value", "-1,0.05")?;
+            let rows = rows::read(&path, "a cosine and a value", "-1,0.05")?;
             let (cosines, values) = rows.into_iter().map(<(f64, f64)>::from).unzip();
             PhaseFunction::Table { cosines, values }
         }

@@ -1,4 +1,4 @@
-//! CSV files of two columns.
+//! CSV files of numbers.
 
 use std::path::Path;
 
@@ -7,9 +7,9 @@ use crate::files::{check_readable, read_error};
 /// Maximum size of a file in bytes; a thousand rows have 20,000 bytes.
 const MAX_BYTES: u64 = 8 << 20;
 
-/// Reads the rows of a table. `row` says what a row is, like "a cosine and a value", and `example` is one, like "-1,0.05". The error is one
+/// Reads the rows of a table with `N` columns. `row` says what a row is, like "a cosine and a value", and `example` is one, like "-1,0.05". The error is one
 /// sentence that names the file and the line.
-pub(super) fn read(path: &Path, row: &str, example: &str) -> Result<Vec<[f64; 2]>, String> {
+pub(super) fn read<const N: usize>(path: &Path, row: &str, example: &str) -> Result<Vec<[f64; N]>, String> {
     let name = path.display();
     let length = check_readable(path).map_err(|e| e.to_string())?;
     if length > MAX_BYTES {
@@ -25,14 +25,14 @@ pub(super) fn read(path: &Path, row: &str, example: &str) -> Result<Vec<[f64; 2]
 
 /// The rows of a table. Lines that are empty or begin with `#` do not count; the first other line may be a header. The error begins with
 /// the number of the line.
-fn rows(text: &str, row: &str, example: &str) -> Result<Vec<[f64; 2]>, String> {
+fn rows<const N: usize>(text: &str, row: &str, example: &str) -> Result<Vec<[f64; N]>, String> {
     let mut found = vec![];
     let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     for (index, (number, line)) in lines.enumerate() {
         let cells: Result<Vec<f64>, _> = line.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
-        match cells.as_deref() {
-            Ok(&[first, second]) => found.push([first, second]),
+        match cells.map(<[f64; N]>::try_from) {
+            Ok(Ok(cells)) => found.push(cells),
             Err(_) if index == 0 => {}
             _ => return Err(format!("{number}: '{line}' is not a row: write {row}, like {example}")),
         }
@@ -47,7 +47,7 @@ fn rows(text: &str, row: &str, example: &str) -> Result<Vec<[f64; 2]>, String> {
 mod tests {
     #[test]
     fn tables_are_read() {
-        let rows = |text: &str| super::rows(text, "a cosine and a value", "-1,0.05");
+        let rows = |text: &str| super::rows::<2>(text, "a cosine and a value", "-1,0.05");
         let expected = Ok(vec![[-1.0, 0.5], [0.0, 1e-3], [1.0, 8.0]]);
         assert_eq!(rows("-1,0.5\n0, 1e-3\n1,8"), expected);
         assert_eq!(rows("# of fog\n\ncosine, value\n-1,0.5\n # middle\n0,0.001\r\n1,8\n"), expected);
