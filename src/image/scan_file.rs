@@ -144,6 +144,7 @@ impl ScanFilm {
             account_first_and_last_bounces: scan.accounts_first_and_last,
             laser_grid: laser_points.and_then(Points::grid).or(steps),
             sensor_grid: sensor_points.and_then(Points::grid).or(steps),
+            white_target_at_1m: scan.white_target_at_1m(),
             shot_times_s: scan.times.as_deref(),
             laser_places: scan.places.as_deref().map(positions),
             laser_points: positions(&scan.laser_points),
@@ -179,6 +180,9 @@ pub struct Description<'a> {
     /// Columns and rows of the points; null if they are a list.
     laser_grid: Option<[u32; 2]>,
     sensor_grid: Option<[u32; 2]>,
+    /// Radiance of a white diffuse target at 1 m that faces a LiDAR, in the unit of the array.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    white_target_at_1m: Option<f64>,
     /// Time of each shot in seconds, if the scan has a duration.
     #[serde(skip_serializing_if = "Option::is_none")]
     shot_times_s: Option<&'a [f64]>,

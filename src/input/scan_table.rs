@@ -3,6 +3,7 @@
 mod points;
 mod trajectory;
 
+use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -266,6 +267,18 @@ impl Scan {
         (aimed(self.sensor_at(numbers().next().unwrap_or(last)), &points, self.pixel_fov, |_| 0.0), seeds)
     }
 
+    /// Radiance in W/(m^2 sr) of a white diffuse target at 1 m that faces a LiDAR, averaged over a pixel, in a gate that contains its
+    /// light. It calibrates intensities: another target has its albedo times the cosine of the angle of incidence over the square of the
+    /// distance in metres of this radiance. `None` if the laser does not light what the sensor sees.
+    pub fn white_target_at_1m(&self) -> Option<f64> {
+        if !self.lights_what_it_sees() {
+            return None;
+        }
+        let solid_angle = 4.0 * PI * (0.25 * self.divergence).sin().powi(2);
+        let [spot, pixel] = [self.divergence, self.pixel_fov].map(|angle| (0.5 * angle).tan());
+        Some(self.power / (PI * solid_angle) * share_in_disc(spot, pixel))
+    }
+
     /// Where the laser is while it looks at its point `index`.
     pub fn laser_at(&self, index: usize) -> DVec3 {
         self.places.as_ref().map_or(self.laser, |places| places[index])
@@ -309,6 +322,19 @@ impl Scan {
         };
         aimed(self.sensor_at(index), points, self.pixel_fov, uncounted)
     }
+}
+
+/// The share of a square with sides of 2 `half` that lies in a disc of this radius with the same centre.
+fn share_in_disc(radius: f64, half: f64) -> f64 {
+    if half <= radius * std::f64::consts::FRAC_1_SQRT_2 {
+        return 1.0;
+    }
+    // The disc reaches beyond the square in four caps.
+    let cap = match half < radius {
+        true => radius.powi(2) * (half / radius).acos() - half * (radius.powi(2) - half.powi(2)).sqrt(),
+        false => 0.0,
+    };
+    (PI * radius.powi(2) - 4.0 * cap) / (4.0 * half.powi(2))
 }
 
 /// A camera at `place` that looks at `points`. For each point, `uncounted` metres are subtracted from the travel times.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use taugate::internals::generate::parts::{add, diffuse, material};
-use taugate::internals::generate::shapes::cuboid;
+use taugate::internals::generate::shapes::{cuboid, quad};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::scan_table::Scan;
 use taugate::internals::scan::{Measurement, PreparedScan};
@@ -75,6 +75,32 @@ fn expected(number: usize, late: f64) -> f64 {
     // Forward is -Z, and the azimuth turns towards +X.
     let direction = DVec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), -azimuth.cos() * elevation.cos());
     to_wall(position + rotation * MOUNT, rotation * direction)
+}
+
+/// A wall that faces the LiDAR: its echo over that of a white target at 1 m is its albedo over the square of the distance.
+#[test]
+fn intensities_are_those_of_a_white_target() {
+    let distance = 2.5_f64;
+    // The laser is wider than the pixel, as wide as its sides, and narrower.
+    for (divergence, pixel_fov) in [(0.5, 0.2), (0.5, 0.5), (0.5, 0.45), (0.2, 0.5), (0.2, 0.0)] {
+        let text = format!(
+            "[scan]\nlaser = [0, 0, {distance}]\npower = 3\ndivergence = {divergence}\npixel-fov = {pixel_fov}\n\
+             points = {{forward = [0, 0, -1], azimuth = [0, 0], elevation = [0, 0], count = [1, 1]}}"
+        );
+        let scan = Experiment::parse(&text).unwrap().scan.unwrap().scan().unwrap();
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, diffuse("grey", [0.4; 3]));
+        add(&mut scene, "wall", grey, quad(DVec3::new(-1.0, -1.0, 0.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0; 2]));
+        (scene.lights, scene.cameras) = (vec![scan.light(0)], vec![scan.camera(0)]);
+        let settings = settings(Estimator::Bdpt, [1, 1]).max_depth(2).budget(Budget::Spp(4096));
+        let settings = settings.gate(Gate { lo: 4.9, hi: 5.2 }).build().unwrap();
+        let prepared = PreparedScan::new(&scan, scene, &settings).unwrap();
+        let mut measurement = Measurement::new(&device(), scan.clone(), prepared, false).unwrap();
+        measurement.run(false, &Arc::default(), |_| {}).unwrap();
+        let intensity = f64::from(measurement.into_arrays().means[0]) / scan.white_target_at_1m().unwrap();
+        let ratio = intensity * distance.powi(2) / 0.4;
+        assert!((ratio - 1.0).abs() < 0.01, "{divergence} {pixel_fov}: {ratio}");
+    }
 }
 
 #[test]

@@ -157,12 +157,7 @@ fn mistakes_in_files_name_the_remedy() {
         (CHANNELS, poses, moving.replace("40ms", "100ms"), "add poses, or change begin"),
         (CHANNELS, poses, format!("{moving}\nbegin = '30ms'"), "the shots are from 0.03 s to 0.065 s"),
         (CHANNELS, poses, moving.replace("duration = '40ms'", ""), "add duration"),
-        (
-            CHANNELS,
-            poses,
-            format!("{SPINNING}\nduration = '40ms'\nbegin = '1s'"),
-            "add trajectory, or remove begin",
-        ),
+        (CHANNELS, poses, format!("{SPINNING}\nduration = '40ms'\nbegin = '1s'"), "add trajectory, or remove begin"),
         (CHANNELS, poses, moving.replace("steps = 8", "steps = 0"), "0 points"),
         (CHANNELS, poses, moving.replace("360]", "400]"), "a full turn at most"),
         (CHANNELS, poses, moving.replace("[2, 0, 0]", "[0, 1, 0]"), "not vertical"),
@@ -178,6 +173,19 @@ fn mistakes_in_files_name_the_remedy() {
     }
     let message = read(&[("c.csv", CHANNELS)], &moving).unwrap_err();
     assert!(message.contains("p.csv"), "{message}");
+}
+
+#[test]
+fn a_square_overlaps_a_disc() {
+    for (radius, half) in [(1.0, 0.5), (1.0, 0.8), (1.0, 0.95), (1.0, 3.0), (0.2, 0.2)] {
+        const STEPS: i32 = 1000;
+        let at = |i: i32| half * (f64::from(i) + 0.5) / f64::from(STEPS);
+        let inside = (0..STEPS).flat_map(|i| (0..STEPS).map(move |j| (i, j)));
+        let inside = inside.filter(|&(i, j)| at(i).hypot(at(j)) <= radius).count();
+        let share = inside as f64 / f64::from(STEPS * STEPS);
+        assert!((share_in_disc(radius, half) - share).abs() < 1e-3, "{radius} {half}: {share}");
+    }
+    assert_eq!(share_in_disc(0.1, 0.0), 1.0);
 }
 
 #[test]
@@ -198,9 +206,8 @@ fn a_scan_has_a_million_beams() {
 
 #[test]
 fn mistakes_name_the_remedy() {
-    let grid = |count: &str| {
-        format!("points = {{corner = [0, 0, 0], across = [1, 0, 0], down = [0, 1, 0], count = {count}}}")
-    };
+    let grid =
+        |count: &str| format!("points = {{corner = [0, 0, 0], across = [1, 0, 0], down = [0, 1, 0], count = {count}}}");
     let table = [
         (String::new(), "needs points"),
         ("laser_points = [[0, 0, 0]]".into(), "needs points"),
@@ -218,10 +225,7 @@ fn mistakes_name_the_remedy() {
             "the point 0e0, 1e16, 0e0 is farther than 1e15 m from the origin",
         ),
         ("points = [[0, 0, 0], [0, 9e14, 0]]".into(), "camera 'scan sensor' aims"),
-        (
-            "laser-points = [[0, 0, 0], [0, 9e14, 0]]\nsensor-points = [[0, 0, 1], [0, 8e14, 0]]".into(),
-            "scan sensor",
-        ),
+        ("laser-points = [[0, 0, 0], [0, 9e14, 0]]\nsensor-points = [[0, 0, 1], [0, 8e14, 0]]".into(), "scan sensor"),
         ("point = [[0, 0, 0]]".into(), "no key point"),
         ("points = [[0, 0, 0]]\ndivergence = 100".into(), "from 0 to 90"),
         ("points = [[0, 0, 0]]\npixel_fov = -1".into(), "from 0 to 90"),
