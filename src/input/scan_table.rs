@@ -177,13 +177,17 @@ impl ScanTable {
 
     /// Sets the times of the shots, and moves a LiDAR along its trajectory.
     fn set_times(&self, scan: &mut Scan) -> Result<(), String> {
-        let Some(Seconds(duration)) = self.duration else {
-            return match self.trajectory.is_some() || self.begin.is_some() {
-                true => {
-                    Err("a trajectory needs the time of each shot: add duration, such as '100ms' for a turn".into())
-                }
-                false => Ok(()),
-            };
+        let of_shots = self.points.as_ref().map_or(Ok(None), Points::times)?;
+        if of_shots.is_some() && self.duration.is_some() {
+            return Err("the file of shots has a time for each of them: remove duration".into());
+        }
+        let duration = match (self.duration, &of_shots) {
+            (Some(Seconds(duration)), _) => duration,
+            (None, Some(_)) => 0.0,
+            (None, None) if self.trajectory.is_some() || self.begin.is_some() => {
+                return Err("a trajectory needs the time of each shot: add duration, such as '100ms' for a turn".into());
+            }
+            (None, None) => return Ok(()),
         };
         let trajectory = self.trajectory.as_deref().map(Trajectory::read).transpose()?;
         let begin = match (&self.begin, &trajectory) {
@@ -193,17 +197,18 @@ impl ScanTable {
         };
         let shots = scan.laser_points.len();
         let steps = (shots / scan.at_once) as f64;
-        let times: Vec<f64> =
-            (0..shots).map(|shot| begin + duration * ((shot / scan.at_once) as f64 / steps)).collect();
+        let evenly = |shot: usize| duration * ((shot / scan.at_once) as f64 / steps);
+        let since_begin = of_shots.unwrap_or_else(|| (0..shots).map(evenly).collect());
+        let times: Vec<f64> = since_begin.into_iter().map(|time| begin + time).collect();
         if let Some(trajectory) = trajectory {
             let is_lidar = self.points.as_ref().is_some_and(Points::are_directions);
             if !is_lidar {
                 return Err("a trajectory moves a LiDAR, whose points are directions: remove trajectory".into());
             }
-            let ([first, last], end) = (trajectory.range(), times[shots - 1]);
-            if begin < first || end > last {
+            let ([first, last], [start, end]) = (trajectory.range(), [times[0], times[shots - 1]]);
+            if start < first || end > last {
                 return Err(format!(
-                    "the shots are from {begin} s to {end} s, and the trajectory only from {first} s to {last} s; add poses, or change begin \
+                    "the shots are from {start} s to {end} s, and the trajectory only from {first} s to {last} s; add poses, or change begin \
                      or duration"
                 ));
             }

@@ -1,5 +1,6 @@
 //! The points at which a scan looks: a list, a grid or directions.
 
+use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -27,13 +28,18 @@ const TURN: f64 = 360.0;
 #[serde(
     untagged,
     expecting = "expected points, like [[0, 1, 2], [3, 4, 5]], or a grid {corner = [0, 0, 0], across = [1, 0, 0], down = [0, -1, 0], \
-                 count = [16, 16]}, or directions {forward = [0, 0, -1], azimuth = [-30, 30], elevation = [-10, 5], count = [60, 15]}, or {channels = 'channels.csv', forward = [0, 0, -1], azimuth = [0, 360], steps = 1800}"
+                 count = [16, 16]}, or directions {forward = [0, 0, -1], azimuth = [-30, 30], elevation = [-10, 5], count = [60, 15]}, \
+                 {channels = 'channels.csv', forward = [0, 0, -1], azimuth = [0, 360], steps = 1800}, \
+                 {shots = 'shots.csv', forward = [0, 0, -1]} or {wedges = [12, 12], index = 1.5, turns = [20, -13], forward = [0, 0, -1], \
+                 shots = 10000}"
 )]
 pub enum Points {
     List(Vec<[f64; 3]>),
     Grid(Grid),
     Directions(Directions),
     Spinning(Spinning),
+    Shots(Shots),
+    Risley(Risley),
 }
 
 /// Directions of a LiDAR, row by row from the top. Angles are in degrees: azimuth to the right of `forward`, elevation above it.
@@ -58,6 +64,29 @@ pub struct Spinning {
     pub steps: u32,
 }
 
+/// Directions of a LiDAR from a file. Angles as in [`Directions`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shots {
+    /// A CSV file with a shot per row: its time in seconds, azimuth and elevation in degrees. Times do not fall.
+    pub shots: PathBuf,
+    pub forward: [f64; 3],
+}
+
+/// Directions of a LiDAR whose beam passes two rotating prisms (Risley). At first, both prisms turn the beam to the right.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Risley {
+    /// Angle in degrees between the faces of each prism. The beam enters through the face that is perpendicular to `forward`.
+    pub wedges: [f64; 2],
+    /// Index of refraction of the prisms.
+    pub index: f64,
+    /// How many times each prism turns during the scan, counterclockwise as the LiDAR looks; negative for the other way.
+    pub turns: [f64; 2],
+    pub forward: [f64; 3],
+    pub shots: u32,
+}
+
 /// Points of a parallelogram, row by row: `count[0]` points along `across`, then the next row along `down`. By default they are the
 /// centres of cells, see [`Ends`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -73,36 +102,47 @@ impl Points {
     /// Columns and rows of a grid.
     pub fn grid(&self) -> Option<[u32; 2]> {
         match self {
-            Points::List(_) | Points::Spinning(_) => None,
+            Points::List(_) | Points::Spinning(_) | Points::Shots(_) | Points::Risley(_) => None,
             Points::Grid(grid) => Some(grid.count),
             Points::Directions(directions) => Some(directions.count),
         }
     }
 
     pub(super) fn are_directions(&self) -> bool {
-        matches!(self, Points::Directions(_) | Points::Spinning(_))
+        !matches!(self, Points::List(_) | Points::Grid(_))
     }
 
     /// Whether the places of points within a range are chosen by [`Ends`].
     pub(super) fn have_ends(&self) -> bool {
-        !matches!(self, Points::List(_))
+        !matches!(self, Points::List(_) | Points::Shots(_) | Points::Risley(_))
     }
 
     /// The file that the points name.
     pub(super) fn path(&mut self) -> Option<&mut PathBuf> {
         match self {
             Points::Spinning(spinning) => Some(&mut spinning.channels),
+            Points::Shots(list) => Some(&mut list.shots),
             _ => None,
+        }
+    }
+
+    /// The time of each shot in seconds, if the points say it. Fails as [`Points::positions`].
+    pub(super) fn times(&self) -> Result<Option<Vec<f64>>, String> {
+        match self {
+            Points::Shots(list) => Ok(Some(list.read()?.into_iter().map(|[time, ..]| time).collect())),
+            _ => Ok(None),
         }
     }
 
     /// The points. A direction gives the point at 1 m from `place`. Fails with one sentence if there are none or more than `max`
     /// points, if a number is not finite or out of range, or if the file of channels cannot be read.
     pub(super) fn positions(&self, place: DVec3, ends: Ends, max: u32) -> Result<Vec<DVec3>, String> {
-        let channels = match self {
-            Points::Spinning(spinning) => read_channels(&spinning.channels)?,
-            _ => vec![],
-        };
+        let (mut channels, mut shots) = (vec![], vec![]);
+        match self {
+            Points::Spinning(spinning) => channels = read_channels(&spinning.channels)?,
+            Points::Shots(list) => shots = list.read()?,
+            _ => {}
+        }
         let product = |[columns, rows]: [u32; 2]| u64::from(columns) * u64::from(rows);
         let (count, numbers) = match self {
             Points::List(list) => (list.len() as u64, list.clone()),
@@ -112,6 +152,14 @@ impl Points {
                 check_azimuth(spinning.azimuth)?;
                 check_forward(spinning.forward)?;
                 (u64::from(spinning.steps) * channels.len() as u64, vec![spinning.forward])
+            }
+            Points::Shots(list) => {
+                check_forward(list.forward)?;
+                (shots.len() as u64, vec![list.forward])
+            }
+            Points::Risley(risley) => {
+                risley.check()?;
+                (risley.shots.into(), vec![risley.forward])
             }
         };
         if !(1..=u64::from(max)).contains(&count) {
@@ -125,6 +173,11 @@ impl Points {
             Points::Grid(grid) => grid.points(ends),
             Points::Directions(directions) => directions.around(place, ends),
             Points::Spinning(spinning) => spinning.around(place, ends, &channels),
+            Points::Shots(list) => {
+                let axes = Axes::new(list.forward);
+                shots.iter().map(|&[_, azimuth, elevation]| place + axes.direction(azimuth, elevation)).collect()
+            }
+            Points::Risley(risley) => risley.around(place),
         })
     }
 }
@@ -228,6 +281,79 @@ impl Spinning {
         };
         steps.flat_map(channel).collect()
     }
+}
+
+impl Shots {
+    /// The rows of the file: time, azimuth and elevation.
+    fn read(&self) -> Result<Vec<[f64; 3]>, String> {
+        let rows = rows::read::<3>(
+            &self.shots,
+            "the time in seconds, azimuth and elevation in degrees of a shot",
+            "0.00001,30,-5",
+        )?;
+        let fail = |k: usize, what: &str| Err(format!("{}: shot {} {what}", self.shots.display(), k + 1));
+        for (k, &[time, azimuth, elevation]) in rows.iter().enumerate() {
+            if !(time.is_finite() && azimuth.is_finite() && (-90.0..=90.0).contains(&elevation)) {
+                return fail(
+                    k,
+                    "has an elevation outside of -90 to 90 degrees, or a number that is not finite; correct the row",
+                );
+            }
+            if k > 0 && rows[k - 1][0] > time {
+                return fail(k, "is earlier than the one before; sort the shots by time");
+            }
+        }
+        Ok(rows)
+    }
+}
+
+impl Risley {
+    /// Fails if the prisms are not prisms, or if the beam does not pass them.
+    fn check(&self) -> Result<(), String> {
+        check_forward(self.forward)?;
+        if !(1.0..=4.0).contains(&self.index) || !self.wedges.iter().all(|wedge| (-45.0..=45.0).contains(wedge)) {
+            return Err("the wedges of prisms are from -45 to 45 degrees, and their index from 1 to 4".into());
+        }
+        if !self.turns.iter().all(|turns| turns.is_finite()) {
+            return Err("the turns of the prisms must be finite".into());
+        }
+        // The beam is turned most while both prisms turn it to the same side, or to opposite ones.
+        match [0.0, PI].iter().all(|&other| self.through([0.0, other]).is_some()) {
+            true => Ok(()),
+            false => Err("the prisms reflect the beam totally; choose smaller wedges".into()),
+        }
+    }
+
+    /// The direction of the beam behind the prisms, which are turned by these angles. Its components point to the right, up and forward.
+    fn through(&self, turned: [f64; 2]) -> Option<DVec3> {
+        let mut beam = DVec3::Z;
+        for (wedge, angle) in self.wedges.into_iter().zip(turned) {
+            beam = refract(beam, DVec3::Z, 1.0 / self.index)?;
+            // The exit face of a prism with its base at the right.
+            let tilt = wedge.to_radians();
+            let normal = DVec3::new(-tilt.sin() * angle.cos(), -tilt.sin() * angle.sin(), tilt.cos());
+            beam = refract(beam, normal, self.index)?;
+        }
+        Some(beam)
+    }
+
+    fn around(&self, place: DVec3) -> Vec<DVec3> {
+        let axes = Axes::new(self.forward);
+        let shot = |k: u32| {
+            let turned = self.turns.map(|turns| 2.0 * PI * (turns * f64::from(k) / f64::from(self.shots)).fract());
+            let beam = self.through(turned).expect("the beam passes at the greatest deviation");
+            place + beam.x * axes.right + beam.y * axes.up + beam.z * axes.forward
+        };
+        (0..self.shots).map(shot).collect()
+    }
+}
+
+/// The unit direction of a ray behind a face, by Snell's law. `normal`: that of the face, along the ray. `ratio`: the index before the face over
+/// that behind it. `None` if all light is reflected.
+fn refract(direction: DVec3, normal: DVec3, ratio: f64) -> Option<DVec3> {
+    let cosine = direction.dot(normal);
+    let behind = 1.0 - ratio.powi(2) * (1.0 - cosine.powi(2));
+    (behind > 0.0).then(|| ratio * direction + (behind.sqrt() - ratio * cosine) * normal)
 }
 
 impl Ends {

@@ -146,6 +146,66 @@ fn a_spinning_lidar_fires_all_channels_of_a_step_at_once() {
 }
 
 #[test]
+fn a_file_of_shots_has_their_times_and_angles() {
+    let keys = "laser = [1, 2, 3]\npoints = {shots = 's.csv', forward = [0, 0, -1]}";
+    let shots = "Time/s,Azimuth/deg,Elevation/deg\n0,90,0\n0,0,30\n0.02,-45,0\n";
+    let scan = read(&[("s.csv", shots)], keys).unwrap();
+    assert_eq!(scan.times, Some(vec![0.0, 0.0, 0.02]));
+    let [a, b] = [0.75f64.sqrt(), 0.5f64.sqrt()];
+    for (point, wanted) in scan.laser_points.iter().zip([[1.0, 0.0, 0.0], [0.0, 0.5, -a], [-b, 0.0, -b]]) {
+        assert!((*point - scan.laser).distance(DVec3::from(wanted)) < 1e-12, "{point}");
+    }
+    // Times count from the begin in the trajectory.
+    let poses = "5,0,0,0,0,0,0,1\n6,0,0,-10,0,0,0,1\n";
+    let moving = format!("{keys}\ntrajectory = 'p.csv'\nbegin = '5.5s'");
+    let scan = read(&[("s.csv", shots), ("p.csv", poses)], &moving).unwrap();
+    assert_eq!(scan.times, Some(vec![5.5, 5.5, 5.52]));
+    assert!(scan.places.unwrap()[2].distance(DVec3::new(1.0, 2.0, -2.2)) < 1e-12);
+    for (shots, keys, part) in [
+        ("0.1,0,0\n0,0,0\n", keys.to_string(), "sort the shots by time"),
+        ("0,0,95\n", keys.to_string(), "shot 1 has an elevation outside"),
+        ("0,0\n", keys.to_string(), "s.csv:1: '0,0' is not a row"),
+        ("0,0,0\n", format!("{keys}\nduration = '1s'"), "remove duration"),
+        ("0,0,0\n2,0,0\n", moving.clone(), "the shots are from 5.5 s to 7.5 s"),
+    ] {
+        let message = read(&[("s.csv", shots), ("p.csv", poses)], &keys).unwrap_err();
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn prisms_turn_the_beam_by_snells_law() {
+    let beams = |wedges: &str, turns: &str, shots: usize| {
+        let points =
+            format!("{{wedges = {wedges}, index = 1.5, turns = {turns}, forward = [0, 0, -1], shots = {shots}}}");
+        parse(&format!("laser = [0, 0, 0]\npoints = {points}")).map(|scan| scan.laser_points)
+    };
+    // One prism of 10 degrees: the deviation is asin(n sin(wedge)) - wedge, to the right, up, to the left and down.
+    let wedge = 10f64.to_radians();
+    let (sine, cosine) = ((1.5 * wedge.sin()).asin() - wedge).sin_cos();
+    for (beam, [x, y]) in
+        beams("[10, 0]", "[1, 7]", 4).unwrap().iter().zip([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    {
+        assert!(beam.distance(DVec3::new(x * sine, y * sine, -cosine)) < 1e-12, "{beam}");
+    }
+    // Thin prisms turn the beam by (n - 1) times their wedges, whose directions add up.
+    let thin = 0.2f64.to_radians();
+    for (k, beam) in beams("[0.2, 0.3]", "[3, -2]", 50).unwrap().iter().enumerate() {
+        let [first, second] = [3.0, -2.0].map(|turns| 2.0 * PI * turns * k as f64 / 50.0);
+        let wanted = [first.cos() + 1.5 * second.cos(), first.sin() + 1.5 * second.sin()].map(|x| 0.5 * thin * x);
+        assert!((beam.x - wanted[0]).hypot(beam.y - wanted[1]) < 1e-4 * thin, "shot {k}: {beam}");
+    }
+    for (wedges, turns, part) in [
+        ("[46, 0]", "[1, 1]", "from -45 to 45 degrees"),
+        ("[30, 30]", "[1, -1]", "smaller wedges"),
+        ("[1, 1]", "[nan, 1]", "must be finite"),
+    ] {
+        let message = beams(wedges, turns, 3).unwrap_err();
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
 fn mistakes_in_files_name_the_remedy() {
     let poses = "0,0,0,0,0,0,0,1\n0.05,0,0,-1,0,0,0,1\n";
     let moving = format!("{SPINNING}\nduration = '40ms'\ntrajectory = 'p.csv'");
