@@ -103,6 +103,8 @@ class Scan:
         Grids of points become axes x (columns) and y (rows). H is the sum over the channels. A single point of the laser has no axis in H.
         Normals are those of the plane through the points, on the side of the laser or the sensor.
         """
+        if "laser_places" in self.description:
+            raise SettingsError("tal has one place for the laser, and this LiDAR moves; scan without trajectory")
         try:
             import h5py
         except ImportError:

@@ -34,6 +34,16 @@ def test_an_image_has_the_bits_of_the_program(box, program, tmp_path):
     assert not np.array_equal(taugate.render(box, gate="6m..7m", spp=4, seed=1).pixels, image.pixels)
 
 
+def test_fireflies_are_damped_beside_the_unbiased_image(box):
+    settings = {"gate": "5m..5.1m", "spp": 16, "estimator": "pt"}
+    keep, damp = (taugate.render(box, **settings, fireflies=fireflies) for fireflies in ("keep", "damp"))
+    assert keep.undamped is None
+    assert np.array_equal(damp.undamped, keep.pixels) and np.array_equal(damp.variance, keep.variance)
+    assert (damp.pixels <= keep.pixels).all() and (damp.pixels < keep.pixels).any()
+    with pytest.raises(taugate.SettingsError, match="only for a single gate"):
+        taugate.histogram(box, gates=(5, 9, 8), spp=4, fireflies="damp")
+
+
 def test_a_histogram_has_the_bits_and_the_description_of_the_program(box, program, tmp_path):
     code, text = program("render", BOX, "--gates", "5m..9m/8", "--spp", 4, "--resolution", "32x32", "-o", "cli.npy")
     assert code == 0, text

@@ -49,6 +49,19 @@ def test_a_scan_has_the_bits_of_the_program(program, tmp_path):
     assert np.allclose(scan.edges, np.linspace(1.9, 3.9, 11))
 
 
+def test_a_lidar_on_a_car_has_a_place_and_a_time_per_shot(tmp_path):
+    turn = (SCENES / "street-turn.toml").read_text().replace("steps = 1800", "steps = 4").replace("street", f"{SCENES}/street")
+    (tmp_path / "turn.toml").write_text(turn)
+    scan = taugate.scan(tmp_path / "turn.toml", gates="4m..144m/70", spp=4)
+    about = scan.description
+    assert scan.data.shape == (70, 128) and about["laser_grid"] == [32, 4] and about["white_target_at_1m"] > 0
+    assert about["shot_times_s"][::32] == pytest.approx([0, 0.025, 0.05, 0.075])
+    # 10 m/s forwards, on a circle.
+    assert np.array(about["laser_places"])[96] == pytest.approx([-0.0098, 1.6, -0.75], abs=1e-3)
+    with pytest.raises(taugate.SettingsError, match="this LiDAR moves"):
+        scan.to_tal(tmp_path / "scan.hdf5")
+
+
 def test_layers_of_a_scan_stay_with_it(tmp_path):
     path = tmp_path / "scan.npy"
     description = {"laser_points": [[0, 0, 0]] * 2, "aov": ["range"], "unit": "W/(m^2 sr)", "shape": [3, 2]}

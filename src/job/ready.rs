@@ -87,9 +87,11 @@ impl Ready {
         let Ready { mut renderer, scene: before, settings: old, prepared, warnings, .. } = self;
         let Some(mut prepared) = prepared else { return Ok(None) };
         let (seed, responses) = (settings.seed(), settings.responses());
-        let is_same_render = old.change().seed(seed).responses(responses.clone()).build()? == *settings
-            && renderer.can_restart(responses)
-            && renderer.device().is_same(device);
+        // The old settings may not allow these responses.
+        let is_same_render =
+            old.change().seed(seed).responses(responses.clone()).build().is_ok_and(|same| same == *settings)
+                && renderer.can_restart(responses)
+                && renderer.device().is_same(device);
         // Materials on the device hold the thickness of thin glass, which changes with the scale of its mesh.
         if !is_same_render || !before.has_same_objects(&scene) || !sheets::have_same_thickness(&before, &scene) {
             return Ok(None);
