@@ -38,6 +38,7 @@ mod gpu;
 mod image;
 mod input;
 mod job;
+mod lidar;
 mod lightcone;
 mod printable;
 mod render;
@@ -84,6 +85,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, files, generate, gpu, image, input, job, lightcone, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
+        bench, bvh, compare, detector, files, generate, gpu, image, input, job, lidar, lightcone, printable, render, scan, scene, self_check, settings, tev, threads, wgsl,
     }
 }

@@ -10,7 +10,7 @@ use taugate::Estimator;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
-pub use self::finished::{CompareArgs, DetectArgs, DevelopArgs, DevelopedFiles, HistogramArgs, MergeArgs};
+pub use self::finished::{CompareArgs, DetectArgs, DevelopArgs, DevelopedFiles, HistogramArgs, LidarArgs, MergeArgs};
 use crate::app::flags::{Flags, Info, Render, View};
 
 /// Renders what a time-gated sensor sees: only the light whose travel time falls inside a gate.
@@ -30,6 +30,7 @@ pub enum Command {
     Compare(CompareArgs),
     Histogram(HistogramArgs),
     Detect(DetectArgs),
+    Lidar(LidarArgs),
     Bench(BenchArgs),
     Info(Box<InfoArgs>),
     Devices(DevicesArgs),

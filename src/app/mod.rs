@@ -14,6 +14,7 @@ mod histogram;
 mod images;
 mod info;
 mod interrupts;
+mod lidar;
 mod live;
 mod merge;
 mod progress;
@@ -47,6 +48,7 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Compare(args) => compare::run(&args),
         Command::Histogram(args) => histogram::run(&args),
         Command::Detect(args) => detect::run(&args),
+        Command::Lidar(args) => lidar::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Devices(args) => devices::run(&args),

@@ -173,7 +173,7 @@ pub(super) fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
 
 /// The header of a `.npy` file of version 1.0. `kind`: the type of a value as Python writes it, a name in quotes or a list of fields. The
 /// length of the header is a multiple of 64 bytes, so that programs can map the array into memory.
-pub(super) fn header_of(kind: &str, shape: &[usize]) -> Vec<u8> {
+pub(crate) fn header_of(kind: &str, shape: &[usize]) -> Vec<u8> {
     let mut sides = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     if shape.len() == 1 {
         // Python writes a tuple of one number with a comma.

@@ -145,6 +145,7 @@ impl ScanFilm {
             laser_grid: laser_points.and_then(Points::grid).or(steps),
             sensor_grid: sensor_points.and_then(Points::grid).or(steps),
             white_target_at_1m: scan.white_target_at_1m(),
+            channels: (scan.at_once > 1).then_some(scan.at_once),
             shot_times_s: scan.times.as_deref(),
             laser_places: scan.places.as_deref().map(positions),
             laser_points: positions(&scan.laser_points),
@@ -183,6 +184,9 @@ pub struct Description<'a> {
     /// Radiance of a white diffuse target at 1 m that faces a LiDAR, in the unit of the array.
     #[serde(skip_serializing_if = "Option::is_none")]
     white_target_at_1m: Option<f64>,
+    /// Number of consecutive shots that are fired at once, if it is not 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    channels: Option<usize>,
     /// Time of each shot in seconds, if the scan has a duration.
     #[serde(skip_serializing_if = "Option::is_none")]
     shot_times_s: Option<&'a [f64]>,

@@ -4,7 +4,11 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use crate::error::{Error, Result};
+use crate::files::{check_readable, read_error};
+use crate::image::array_set;
 use crate::image::npy_file::header_of;
+use crate::image::npy_read::read_header;
 use crate::settings::aov::Aov;
 
 /// The surface on the axis of a beam.
@@ -33,6 +37,42 @@ pub struct ScanLayers {
 /// The layers beside the array `path` of a scan.
 pub fn layers_path(path: &Path) -> PathBuf {
     path.with_extension("aov.npy")
+}
+
+/// Bytes of a field of the records; `None` if there is no such field.
+fn field_bytes(name: &str) -> Option<usize> {
+    match name {
+        "range" | "object_id" => Some(4),
+        "normal" | "albedo" => Some(12),
+        _ => None,
+    }
+}
+
+/// Reads the range and the object of each record in the layers `path`, which have these `fields`. A field that is missing is 0. Fails if
+/// the file does not hold `count` such records, or if it does not belong to the JSON file beside it.
+pub fn read_surfaces(path: &Path, fields: &[&str], count: usize) -> Result<Vec<(f32, u32)>> {
+    let fail = || Error::File { path: path.into(), message: "does not fit its scan; measure the scan again".into() };
+    check_readable(path)?;
+    let bytes = std::fs::read(path).map_err(|e| read_error(path, e))?;
+    array_set::check(path, &bytes)?;
+    let header = read_header(&mut &bytes[..]).map_err(|e| read_error(path, e))?;
+    let (_, begin) = header.ok_or_else(fail)?;
+    let sizes: Vec<usize> = fields.iter().map(|name| field_bytes(name)).collect::<Option<_>>().ok_or_else(fail)?;
+    let length = sizes.iter().sum::<usize>().max(1);
+    let records = bytes.get(begin as usize..).ok_or_else(fail)?;
+    if records.len() != count * length {
+        return Err(fail());
+    }
+    let place = |wanted: &str| {
+        let field = fields.iter().position(|name| *name == wanted)?;
+        Some(sizes[..field].iter().sum::<usize>())
+    };
+    let (range, object) = (place("range"), place("object_id"));
+    let word = |record: &[u8], at: Option<usize>| {
+        at.map_or([0; 4], |at| record[at..at + 4].try_into().expect("a field of four bytes"))
+    };
+    let surface = |record: &[u8]| (f32::from_le_bytes(word(record, range)), u32::from_le_bytes(word(record, object)));
+    Ok(records.chunks_exact(length).map(surface).collect())
 }
 
 impl ScanLayers {
@@ -82,5 +122,14 @@ mod tests {
         assert!(text.starts_with(descr), "{text}");
         let wanted = [2.5f32.to_le_bytes(), 7u32.to_le_bytes(), [0; 4], [0; 4]].concat();
         assert_eq!(records, wanted);
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scan.aov.npy");
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(read_surfaces(&path, &layers.fields(), 2).unwrap(), [(2.5, 7), (0.0, 0)]);
+        for (fields, count) in [(&["range", "object_id"][..], 3), (&["range"], 2), (&["colour"], 2)] {
+            let message = read_surfaces(&path, fields, count).unwrap_err().to_string();
+            assert!(message.contains("measure the scan again"), "{message}");
+        }
     }
 }

@@ -15,6 +15,7 @@ mod grids;
 mod guide;
 mod info;
 mod lens;
+mod lidar;
 mod memory;
 mod orthographic;
 mod regressions;
@@ -101,6 +102,7 @@ fn help_is_what_was_reviewed() {
         "compare",
         "histogram",
         "detect",
+        "lidar",
         "bench",
         "info",
         "devices",

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use taugate::internals::lidar::echoes::Detection;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::exposure::Exposure;
 use taugate::internals::settings::optical_path::OpticalPath;
@@ -205,4 +206,47 @@ pub struct DetectArgs {
     /// Seed of the random counts
     #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 0)]
     pub seed: u32,
+}
+
+const LIDAR_EXAMPLES: &str = "\
+Examples:
+  taugate render lidar.toml --aov depth,object -o scan.npy
+  taugate lidar scan.npy -o cloud.las
+  taugate detect scan.npy -o counts.npy --photons 1e6 --background 1e4
+  taugate lidar counts.npy -o noisy.ply --min-intensity 1e-3
+
+Exit codes: 0 done, 2 wrong input or file";
+
+/// Turn the waveforms of a LiDAR scan into a point cloud, a point per echo
+#[derive(Debug, Args)]
+#[command(after_help = LIDAR_EXAMPLES)]
+pub struct LidarArgs {
+    /// The scan (.npy), or the counts of it that detect wrote; with the layers of --aov depth,object, echoes of the first surface
+    /// have its exact range and its object
+    #[arg(value_name = "SCAN.npy")]
+    pub input: PathBuf,
+
+    /// The point cloud: PLY (binary), LAS 1.4, or a NumPy array with named fields
+    #[arg(short, long, value_name = "OUT.ply|las|npy", help_heading = "Output")]
+    pub output: PathBuf,
+
+    /// The point of an echo that gives its time: peak, constant-fraction (half of the peak) or threshold
+    #[arg(long, value_name = "METHOD", help_heading = "Echoes", default_value = "peak")]
+    pub detection: Detection,
+
+    /// Height of the threshold, as a share of the highest bin of the waveform
+    #[arg(long, value_name = "0..1", help_heading = "Echoes", allow_hyphen_values = true, default_value_t = 0.1)]
+    pub threshold: f64,
+
+    /// Least height of the threshold; 1 is a white diffuse target that faces the sensor at 1 m
+    #[arg(long, value_name = "X", help_heading = "Echoes", allow_hyphen_values = true, default_value_t = 0.0)]
+    pub min_intensity: f64,
+
+    /// Least distance between two echoes in metres
+    #[arg(long, value_name = "METRES", help_heading = "Echoes", allow_hyphen_values = true, default_value_t = 0.5)]
+    pub separation: f64,
+
+    /// Maximum number of echoes per shot, up to 8: the first ones
+    #[arg(long, value_name = "N", help_heading = "Echoes", default_value_t = 8)]
+    pub max_echoes: usize,
 }

@@ -4,7 +4,7 @@ use super::sources::{DECIDE, digest};
 use super::*;
 
 /// Code that does not affect an image with given settings, or whose effect the fingerprint of the settings covers.
-const ELSEWHERE: [&str; 16] = [
+const ELSEWHERE: [&str; 17] = [
     "app",
     "bench",
     "compare",
@@ -16,6 +16,7 @@ const ELSEWHERE: [&str; 16] = [
     "free_memory.rs",
     "generate",
     "lib.rs",
+    "lidar",
     "main.rs",
     "printable.rs",
     "self_check",

@@ -1,0 +1,207 @@
+//! Point clouds of a LiDAR as a user makes them: a wall in clear air, behind a pane and in fog, and from a car. Needs a device.
+
+use std::path::Path;
+
+use glam::DVec3;
+use taugate::internals::generate::glb;
+use taugate::internals::generate::parts::{add, diffuse, glass, material};
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::scene::Scene;
+
+use crate::{fails, folder, names, taugate};
+
+const LASER: DVec3 = DVec3::new(0.3, 0.2, 0.1);
+/// Distance of the wall from the origin.
+const WALL: f64 = 10.07;
+const ALBEDO: f64 = 0.4;
+const CHANNELS: [[f64; 2]; 2] = [[10.0, 1.0], [-5.0, -1.0]];
+const STEPS: usize = 24;
+
+/// A wall, a pane before it if `has_pane`, and the scan `lidar.toml` of a spinning LiDAR with these `gates`.
+fn write_scene(folder: &Path, has_pane: bool, gates: &str) {
+    let mut scene = Scene::default();
+    let mut plane = |name: &str, look, distance: f64| {
+        let look = material(&mut scene, look);
+        let corner = DVec3::new(-9.0, -9.0, -distance);
+        add(&mut scene, name, look, quad(corner, DVec3::X * 18.0, DVec3::Y * 18.0, [1.0; 2]));
+    };
+    plane("wall", diffuse("grey", [ALBEDO as f32; 3]), WALL);
+    if has_pane {
+        plane("pane", glass("pane"), 4.0);
+    }
+    std::fs::write(folder.join("scene.glb"), glb::write(&scene)).unwrap();
+    let channels = CHANNELS.map(|[elevation, offset]| format!("{elevation},{offset}\n")).concat();
+    std::fs::write(folder.join("channels.csv"), channels).unwrap();
+    let text = format!(
+        "scene = 'scene.glb'\n[scan]\nlaser = [0.3, 0.2, 0.1]\ndivergence = 0.1\npixel-fov = 0.1\nends = 'included'\nduration = '100ms'\n\
+         points = {{channels = 'channels.csv', forward = [0, 0, -1], azimuth = [0, 360], steps = {STEPS}}}\n[gate]\ngates = '{gates}'\n[render]\nmax-depth = 2\nspp = 64\n"
+    );
+    std::fs::write(folder.join("lidar.toml"), text).unwrap();
+}
+
+fn run(folder: &Path, arguments: &[&str]) {
+    let output = taugate(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// The fields of a point in a `.npy` file of a cloud.
+#[derive(Debug)]
+struct Point {
+    position: DVec3,
+    intensity: f64,
+    echoes: [u8; 2],
+    time: f64,
+    channel: u16,
+    object: u32,
+}
+
+fn read(path: &Path) -> Vec<Point> {
+    let bytes = std::fs::read(path).unwrap();
+    let begin = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let point = |record: &[u8]| {
+        let f64_at = |at: usize| f64::from_le_bytes(record[at..at + 8].try_into().unwrap());
+        Point {
+            position: DVec3::new(f64_at(0), f64_at(8), f64_at(16)),
+            intensity: f32::from_le_bytes(record[24..28].try_into().unwrap()).into(),
+            echoes: [record[28], record[29]],
+            time: f64_at(30),
+            channel: u16::from_le_bytes([record[38], record[39]]),
+            object: u32::from_le_bytes(record[40..44].try_into().unwrap()),
+        }
+    };
+    bytes[begin..].chunks_exact(44).map(point).collect()
+}
+
+/// Where the shots that meet the wall meet it, with their channels and times, in order.
+fn hits() -> Vec<(DVec3, usize, f64)> {
+    let mut hits = vec![];
+    for step in 0..STEPS {
+        for (channel, [elevation, offset]) in CHANNELS.into_iter().enumerate() {
+            let part = step as f64 / STEPS as f64;
+            let (sine, cosine) = elevation.to_radians().sin_cos();
+            let azimuth = (360.0 * part + offset).to_radians();
+            let direction = DVec3::new(cosine * azimuth.sin(), sine, -cosine * azimuth.cos());
+            let hit = LASER + direction * ((-WALL - LASER.z) / direction.z);
+            if direction.z < 0.0 && hit.x.abs().max(hit.y.abs()) < 9.0 {
+                hits.push((hit, channel, part / 10.0));
+            }
+        }
+    }
+    hits
+}
+
+#[test]
+fn a_cloud_has_the_points_of_the_wall() {
+    for has_pane in [false, true] {
+        let here = folder();
+        let here = here.path();
+        write_scene(here, has_pane, "2m..42m/400");
+        run(here, &["render", "lidar.toml", "--aov", "depth,object", "-o", "scan.npy", "-q"]);
+        run(here, &["lidar", "scan.npy", "-o", "cloud.npy"]);
+        let (cloud, hits) = (read(&here.join("cloud.npy")), hits());
+        assert_eq!(cloud.len(), hits.len(), "{cloud:?}");
+        let mut ratio = 0.0;
+        for (point, (hit, channel, time)) in cloud.iter().zip(&hits) {
+            assert!(point.position.distance(*hit) < 1e-3, "{point:?} {hit}");
+            assert_eq!((point.echoes, usize::from(point.channel)), ([1, 1], *channel));
+            assert!((point.time - time).abs() < 1e-12 && point.object > 0);
+            let range = hit.distance(LASER);
+            let cosine = (WALL + LASER.z) / range;
+            ratio += point.intensity / (ALBEDO * cosine / range.powi(2)) / hits.len() as f64;
+        }
+        // The pane takes some light there and back, and clear air takes none.
+        match has_pane {
+            false => assert!((ratio - 1.0).abs() < 0.02, "{ratio}"),
+            true => assert!(ratio < 0.9 && ratio > 0.7, "{ratio}"),
+        }
+
+        // Without layers, the bins of 5 cm in range decide.
+        run(here, &["render", "lidar.toml", "-o", "scan.npy", "-q"]);
+        run(here, &["lidar", "scan.npy", "-o", "bins.npy"]);
+        let errors: Vec<f64> = read(&here.join("bins.npy"))
+            .iter()
+            .zip(&hits)
+            .map(|(point, (hit, ..))| point.position.distance(*hit))
+            .collect();
+        assert!(errors.len() == hits.len() && errors.iter().all(|error| *error < 0.05), "{errors:?}");
+        assert!(errors.iter().any(|error| *error > 1e-3));
+    }
+}
+
+#[test]
+fn fog_returns_before_the_wall_and_a_detector_adds_noise() {
+    let here = folder();
+    let here = here.path();
+    write_scene(here, false, "4m..42m/380");
+    run(here, &["render", "lidar.toml", "--visibility", "40m", "--aov", "depth,object", "-o", "fog.npy", "-q"]);
+    run(here, &["lidar", "fog.npy", "-o", "fog-cloud.npy", "--threshold", "0.02"]);
+    let cloud = read(&here.join("fog-cloud.npy"));
+    let first = cloud.iter().find(|point| point.echoes[1] > 1).expect("a shot with two echoes");
+    assert!(first.echoes[0] == 1 && first.position.distance(LASER) < 3.0 && first.object == 0, "{first:?}");
+    let of_wall = cloud.iter().filter(|point| point.object > 0);
+    assert!(of_wall.clone().all(|point| point.echoes[0] > 1 && (point.position.z + WALL).abs() < 1e-3));
+    assert!(of_wall.count() > 4);
+    run(here, &["lidar", "fog.npy", "-o", "one.npy", "--threshold", "0.02", "--max-echoes", "1"]);
+    assert!(read(&here.join("one.npy")).iter().all(|point| point.echoes == [1, 1] && point.object == 0));
+
+    write_scene(here, false, "4m..42m/380");
+    run(here, &["render", "lidar.toml", "-o", "clear.npy", "-q"]);
+    run(here, &["lidar", "clear.npy", "-o", "clear-cloud.npy"]);
+    run(here, &["detect", "clear.npy", "-o", "counts.npy", "--photons", "1e4", "--pulses", "100"]);
+    run(here, &["lidar", "counts.npy", "-o", "counts-cloud.npy"]);
+    let sum = |name: &str| read(&here.join(name)).iter().map(|point| point.intensity).sum::<f64>();
+    let ratio = sum("counts-cloud.npy") / sum("clear-cloud.npy");
+    assert!((ratio - 1.0).abs() < 0.05 && ratio != 1.0, "{ratio}");
+}
+
+#[test]
+fn mistakes_are_named_and_leave_no_file() {
+    let here = folder();
+    let here = here.path();
+    write_scene(here, false, "4m..42m/38");
+    run(here, &["render", "lidar.toml", "-o", "scan.npy", "-q"]);
+    let text = std::fs::read_to_string(here.join("lidar.toml")).unwrap();
+    std::fs::write(here.join("thin.toml"), text.replace("divergence = 0.1\npixel-fov = 0.1\n", "")).unwrap();
+    run(here, &["render", "thin.toml", "--max-depth", "4", "--spp", "1", "--force", "-o", "thin.npy", "-q"]);
+    let table: [(&[&str], &str); 9] = [
+        (&["scan.npy", "-o", "x.laz"], "must end in .ply, .las or .npy"),
+        (&["scan.npy", "-o", "scan.npy"], "would replace the scan"),
+        (&["scan.npy", "-o", "x.ply", "--max-echoes", "9"], "from 1 to 8"),
+        (&["scan.npy", "-o", "x.ply", "--threshold", "1"], "above 0 and below 1"),
+        (&["scan.npy", "-o", "x.ply", "--min-intensity", "-1"], "0 or more"),
+        (&["scan.npy", "-o", "x.ply", "--detection", "best"], "constant-fraction"),
+        (&["scene.glb", "-o", "x.ply"], "is no scan"),
+        (&["thin.npy", "-o", "x.ply"], "give its laser a divergence"),
+        (&["nothing.npy", "-o", "x.ply"], "is no scan"),
+    ];
+    for (arguments, part) in table {
+        fails(here, &[&["lidar"], arguments].concat(), 2, part);
+    }
+    assert!(!names(here).iter().any(|name| name.starts_with('x')));
+}
+
+/// A car that drives towards the wall, and turns: each shot has its own place, and the time in the trajectory.
+#[test]
+fn a_cloud_from_a_car_is_skewed() {
+    let here = folder();
+    let here = here.path();
+    write_scene(here, false, "2m..42m/400");
+    let text = std::fs::read_to_string(here.join("lidar.toml")).unwrap();
+    std::fs::write(here.join("car.toml"), text.replace("ends =", "trajectory = 'poses.csv'\nends =")).unwrap();
+    std::fs::write(here.join("poses.csv"), "1,0,0,0,0,0,0,1\n1.1,0,0,-1,0,0,0,1\n").unwrap();
+    run(here, &["render", "car.toml", "-o", "car.npy", "-q"]);
+    run(here, &["lidar", "car.npy", "-o", "car-cloud.npy"]);
+    let cloud = read(&here.join("car-cloud.npy"));
+    // All points lie on the wall, though the LiDAR comes a metre closer.
+    assert!(cloud.len() > 10 && cloud.iter().all(|point| (point.position.z + WALL).abs() < 0.06), "{cloud:?}");
+    let last = cloud.last().unwrap();
+    assert!(last.time > 1.09 && last.channel < 2 && last.object == 0, "{last:?}");
+    // Without the trajectory, the last points would be a metre behind the wall.
+    let mut about: serde_json::Value = serde_json::from_slice(&std::fs::read(here.join("car.json")).unwrap()).unwrap();
+    let still = vec![about["laser"].clone(); about["laser_points"].as_array().unwrap().len()];
+    about["laser_places"] = still.into();
+    std::fs::write(here.join("car.json"), about.to_string()).unwrap();
+    run(here, &["lidar", "car.npy", "-o", "wrong.npy"]);
+    let wrong = read(&here.join("wrong.npy"));
+    assert!((wrong.last().unwrap().position.z + WALL).abs() > 0.06);
+}
