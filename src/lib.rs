@@ -73,8 +73,8 @@ pub use settings::frequencies::Frequencies;
 pub use settings::gates::Gates;
 pub use settings::units::Gate;
 pub use settings::{
-    Budget, Crop, Edge, Emitters, Estimator, Importance, Merge, Response, Responses, Sampling, Settings, Strategies,
-    UseEllipsoids,
+    Budget, Crop, Edge, Emitters, Estimator, Importance, Merge, Rays, Response, Responses, Sampling, Settings,
+    Strategies, UseEllipsoids,
 };
 
 /// All modules, for the program, the tests and the benches of this package, and for the other packages of this workspace. They are

@@ -58,6 +58,26 @@ fn every_kernel_compiles() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
+/// Kernels that trace rays then bind an acceleration structure; no kernel does so otherwise.
+#[test]
+fn every_kernel_compiles_with_ray_queries() {
+    let mut count = 0;
+    for (path, text) in kernels() {
+        let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
+        let file = path.rsplit('/').next().unwrap_or(path);
+        for entry in &module.entry_points {
+            let of = |constants: &[(&str, f64)]| {
+                let source = Source::of_file(file, &entry.name, constants).unwrap();
+                shader::compile(&source, &[]).unwrap_or_else(|e| panic!("{e}"))
+            };
+            let structures = |compiled: Compiled| compiled.bindings.iter().filter(|b| b.structure).count();
+            assert_eq!(structures(of(&[])), 0, "{path}: {}", entry.name);
+            count += structures(of(&[(shader::HARDWARE_RAYS, 1.0)]));
+        }
+    }
+    assert!(count >= 5, "only {count} kernels trace rays");
+}
+
 /// A device is refused if it cannot bind the buffers of every kernel. With index checks, a kernel binds one more.
 #[test]
 fn kernels_bind_no_more_buffers_than_a_device_must_allow() {
@@ -164,7 +184,8 @@ fn a_wrong_twin_is_noticed() {
 #[test]
 fn shared_constants_agree() {
     let mut found = std::collections::BTreeSet::new();
-    for (path, text) in kernels() {
+    let ray_query = SOURCES.iter().copied().filter(|(path, _)| *path == "shared/ray_query");
+    for (path, text) in kernels().into_iter().chain(ray_query) {
         let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
         for (_, constant) in module.constants.iter() {
             let Some(name) = constant.name.as_deref() else { continue };

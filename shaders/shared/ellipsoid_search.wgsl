@@ -1,6 +1,7 @@
 // Enumeration of the triangles that may meet an ellipsoid, and a uniform choice among them.
 #import ellipsoid
-#import traverse
+#import triangle
+#import bvh
 #import random
 
 // Relative slack of the tests, so that rounding never loses a triangle.

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use taugate::internals::gpu::{Device, DeviceInfo, DeviceKind, Drive};
+use taugate::internals::gpu::{Device, DeviceInfo, DeviceKind, Drive, RaySupport};
 
 use crate::app::cli::DevicesArgs;
 
@@ -19,7 +19,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     for (index, device) in devices.iter().enumerate() {
         super::print(&format!(
             "{index}: {}{}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
-             {}, one texel buffer {}\n   host and device: {}\n",
+             {}, one texel buffer {}\n   host and device: {}\n   ray queries: {}\n",
             device.name,
             match device.kind {
                 DeviceKind::Discrete => " (discrete card)",
@@ -37,6 +37,11 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
             mebibytes(device.max_storage_buffer_range),
             mebibytes(device.largest_texel_buffer()),
             describe(device.drive),
+            match device.quirks.rays {
+                RaySupport::Absent => "none",
+                RaySupport::Software => "in software, used only with --rays hardware",
+                RaySupport::Hardware => "yes",
+            },
         ))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -64,6 +69,7 @@ fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
         "max_texels": device.max_texels,
         "subgroup_size": device.subgroup_size,
         "drive": device.drive,
+        "ray_queries": device.quirks.rays,
         "unusable": device.unusable,
     })
 }

@@ -20,6 +20,8 @@ pub(super) struct Allocation {
     pub size: u64,
     pub name: &'static str,
     pub users: Users,
+    /// The acceleration structures that lie in the memory; the last one refers to the others.
+    pub structures: Vec<vk::AccelerationStructureKHR>,
     /// Bytes that this allocation adds to [`Shared::bytes`]. 0 for host memory, and before the memory is allocated.
     counted: u64,
 }
@@ -40,7 +42,19 @@ impl Allocation {
         size: u64,
         wanted: vk::MemoryPropertyFlags,
     ) -> Result<Allocation> {
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+        Allocation::with_usage(shared, name, size, wanted, vk::BufferUsageFlags::empty())
+    }
+
+    /// As [`Allocation::new`], for uses beyond those of all buffers.
+    pub fn with_usage(
+        shared: &Arc<Shared>,
+        name: &'static str,
+        size: u64,
+        wanted: vk::MemoryPropertyFlags,
+        further: vk::BufferUsageFlags,
+    ) -> Result<Allocation> {
+        let usage = further
+            | vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
@@ -54,6 +68,7 @@ impl Allocation {
             size,
             name,
             users: Users::default(),
+            structures: vec![],
             counted: 0,
         };
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
@@ -73,7 +88,12 @@ impl Allocation {
                         shared.info.name
                     ))
                 })?;
-            let allocate = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(kind);
+            let mut addressed = vk::MemoryAllocateFlagsInfo::default().flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
+            let mut allocate =
+                vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(kind);
+            if usage.contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS) {
+                allocate = allocate.push_next(&mut addressed);
+            }
             new.memory = shared
                 .device
                 .allocate_memory(&allocate, None)
@@ -114,6 +134,9 @@ impl Drop for Allocation {
         // SAFETY: bindings and recorders keep the allocations that they use alive, and the host waited for every submit. So the
         // device no longer uses this memory.
         unsafe {
+            if let Some(rays) = &shared.rays {
+                self.structures.iter().for_each(|&s| rays.functions.destroy_acceleration_structure(s, None));
+            }
             shared.device.destroy_buffer(self.handle, None);
             shared.device.free_memory(self.memory, None);
         }

@@ -32,8 +32,13 @@ impl DescriptorSets {
     pub fn new(pipeline: &Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<DescriptorSets> {
         let shared = &pipeline.shared;
         let count = pipeline.bindings.len().max(1) as u32;
-        let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
-            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count });
+        let mut types = vec![vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER];
+        // A device without ray queries does not know this type.
+        if pipeline.bindings.iter().any(|binding| binding.structure) {
+            types.push(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR);
+        }
+        let sizes: Vec<_> =
+            types.into_iter().map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count }).collect();
         let sets = pipeline.sets.len().max(1) as u32;
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
         // From here on, `drop` destroys the objects that exist, even after an error. Vulkan ignores null handles.
@@ -75,7 +80,7 @@ impl DescriptorSets {
         let shared = &self.pipeline.shared;
         assert!(Arc::ptr_eq(shared, &buffer.shared), "{} is a buffer of another device", binding.name);
         let limit = shared.info.max_storage_buffer_range;
-        if !binding.texels && buffer.size > limit {
+        if !binding.texels && !binding.structure && buffer.size > limit {
             return Err(Error::Device(format!(
                 "the {} take {}, but a storage buffer on {} has at most {}; choose another device with --device",
                 binding.name,
@@ -91,7 +96,13 @@ impl DescriptorSets {
         let range = [vk::DescriptorBufferInfo { buffer: buffer.handle, offset: 0, range: vk::WHOLE_SIZE }];
         // SAFETY: the sets are not in use yet. The view and the buffer live as long as the sets.
         unsafe {
-            if binding.texels {
+            if binding.structure {
+                let top = buffer.structures.last().expect("only an acceleration structure is bound as one");
+                let mut structure = vk::WriteDescriptorSetAccelerationStructureKHR::default()
+                    .acceleration_structures(std::slice::from_ref(top));
+                let write = write.descriptor_count(1).push_next(&mut structure);
+                shared.device.update_descriptor_sets(&[write], &[]);
+            } else if binding.texels {
                 let info = vk::BufferViewCreateInfo::default()
                     .buffer(buffer.handle)
                     .format(vk::Format::R32G32B32A32_UINT)

@@ -54,6 +54,11 @@ impl Buffer {
         Ok(Buffer { device: device.clone(), allocation })
     }
 
+    /// A buffer around memory that has its contents already, or that [`Buffer::write`] fills.
+    pub(super) fn of_allocation(device: &Device, allocation: Allocation) -> Buffer {
+        Buffer { device: device.clone(), allocation: Arc::new(allocation) }
+    }
+
     /// Whether the host reads and writes the device's memory in place.
     pub(super) fn is_mapped(&self) -> bool {
         self.allocation.mapping.is_some()

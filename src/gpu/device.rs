@@ -7,11 +7,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 
+use super::acceleration::{self, RayFeatures, RayFunctions};
 use super::commands::Commands;
 use super::drive::Drive;
 use super::info::{DeviceInfo, choose};
 use super::instance::{Instance, device_error, has_extension};
 use super::kernel::KernelCache;
+use super::quirks::RaySupport;
 use super::shared::{Shared, lost_after};
 use super::staging::{Area, Staging};
 use super::turns::Turns;
@@ -135,17 +137,26 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family as u32).queue_priorities(&priorities)];
     // Vulkan requires that a program enables this extension where a device has it.
-    let extensions = match has_extension(&offered, ash::khr::portability_subset::NAME) {
+    let mut extensions = match has_extension(&offered, ash::khr::portability_subset::NAME) {
         true => vec![ash::khr::portability_subset::NAME.as_ptr()],
         false => vec![],
     };
-    let create = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+    let has_rays = info.quirks.rays != RaySupport::Absent;
+    if has_rays {
+        extensions.extend(acceleration::EXTENSIONS.map(std::ffi::CStr::as_ptr));
+    }
+    let mut features = RayFeatures::all();
+    let mut create = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+    if has_rays {
+        create = features.enable(create);
+    }
     // SAFETY: every structure outlives the call. The family has at least one queue.
     let (device, queue) = unsafe {
         let device = of.create_device(physical, &create, None).map_err(|e| device_error("opening the device", e))?;
         let queue = device.get_device_queue(family as u32, 0);
         (device, queue)
     };
+    let rays = has_rays.then(|| RayFunctions::new(&instance.handle, physical, &device));
     let timestamp_bits = families[family].timestamp_valid_bits;
     // From here on, `drop` destroys the device, even after an error.
     let mut shared = Shared {
@@ -158,6 +169,7 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         timestamp_bits,
         timestamp_ns: if timestamp_bits > 0 { properties.limits.timestamp_period.into() } else { 0.0 },
         info,
+        rays,
         bytes: AtomicU64::new(0),
         waits: AtomicU64::new(0),
         lost_after,

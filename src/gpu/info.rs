@@ -4,8 +4,9 @@
 
 use ash::vk;
 
+use super::acceleration;
 use super::drive::{CACHED, Drive};
-use super::quirks::Quirks;
+use super::quirks::{Quirks, RaySupport};
 use crate::error::{Error, Result};
 
 /// Kind of a device, in order of preference.
@@ -193,6 +194,12 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         vk::PhysicalDeviceType::CPU => DeviceKind::Software,
         _ => DeviceKind::Other,
     };
+    let has_rays = p.api_version >= vk::API_VERSION_1_2 && acceleration::is_offered(instance, physical);
+    let rays = match kind {
+        _ if !has_rays => RaySupport::Absent,
+        DeviceKind::Software => RaySupport::Software,
+        _ => RaySupport::Hardware,
+    };
     let device_memory = vk::MemoryPropertyFlags::DEVICE_LOCAL | CACHED;
     let has_cached_memory = memory.memory_types_as_slice().iter().any(|t| t.property_flags.contains(device_memory));
     DeviceInfo {
@@ -212,7 +219,7 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         max_buffers,
         subgroup_size: subgroup.subgroup_size,
         max_workgroup_invocations: p.limits.max_compute_work_group_invocations,
-        quirks: Quirks::of(driver.driver_id),
+        quirks: Quirks { rays, ..Quirks::of(driver.driver_id) },
         drive: Drive::of(has_cached_memory, kind == DeviceKind::Software),
         is_incomplete: driver.driver_id == vk::DriverId::MESA_DOZEN,
         unusable,

@@ -1,6 +1,7 @@
 //! Vulkan compute: device, buffers, kernels. All unsafe code of the package is in this module, except two calls in
 //! `app/interrupts.rs`. Nothing in the module knows about rendering.
 
+mod acceleration;
 mod allocate;
 mod allocation;
 mod bindings;
@@ -27,6 +28,7 @@ mod staging;
 mod texels;
 mod turns;
 
+pub use acceleration::TriangleGroup;
 pub use allocate::{Allocate, BufferList};
 pub use bindings::Bindings;
 pub use buffer::Buffer;
@@ -36,6 +38,6 @@ pub use device::Device;
 pub use drive::Drive;
 pub use info::{BufferCounts, DeviceInfo, DeviceKind};
 pub use kernel::Kernel;
-pub use quirks::Quirks;
+pub use quirks::{Quirks, RaySupport};
 pub use read_back::ReadBack;
 pub use recorder::{Recorder, Timing};

@@ -15,7 +15,11 @@ use crate::error::{Error, Result};
 
 impl Binding {
     pub(super) fn descriptor_type(&self) -> vk::DescriptorType {
-        if self.texels { vk::DescriptorType::UNIFORM_TEXEL_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
+        match self {
+            Binding { structure: true, .. } => vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
+            Binding { texels: true, .. } => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
+            _ => vk::DescriptorType::STORAGE_BUFFER,
+        }
     }
 }
 
@@ -42,7 +46,8 @@ impl Pipeline {
         let shared = &device.shared;
         let texels = compiled.bindings.iter().filter(|b| b.texels).count() as u32;
         let all = compiled.bindings.len() as u32;
-        if !(BufferCounts { storage: all - texels, texels, all }).fits(shared.info.max_buffers) {
+        let structures = compiled.bindings.iter().filter(|b| b.structure).count() as u32;
+        if !(BufferCounts { storage: all - texels - structures, texels, all }).fits(shared.info.max_buffers) {
             return Err(Error::Device(format!(
                 "{} lets a kernel use too few buffers at a time; choose another device with --device",
                 shared.info.name

@@ -4,7 +4,19 @@
 
 use ash::vk;
 
-/// Known properties of a driver. All fields but `slow_ellipsoids` set an override constant of kernels. The defaults are
+/// Whether kernels can trace rays by ray queries (VK_KHR_ray_query).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RaySupport {
+    /// The device has no ray queries.
+    Absent,
+    /// A software device has them, and computes them as slowly as kernels do.
+    Software,
+    /// A card has them.
+    Hardware,
+}
+
+/// Known properties of a driver. All fields but `slow_ellipsoids` and `rays` set an override constant of kernels. The defaults are
 /// safe for an unknown driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Quirks {
@@ -17,11 +29,14 @@ pub struct Quirks {
     pub exit_at_top: bool,
     /// The kernel of ellipsoidal connections takes minutes to compile, so a render has such connections only if its settings demand them.
     pub slow_ellipsoids: bool,
+    /// Whether the device has ray queries.
+    pub rays: RaySupport,
 }
 
 impl Quirks {
     /// An unknown driver: no accuracy beyond Vulkan's guarantees, and no known defect or weakness.
-    pub const NONE: Quirks = Quirks { exact_sines: false, exit_at_top: false, slow_ellipsoids: false };
+    pub const NONE: Quirks =
+        Quirks { exact_sines: false, exit_at_top: false, slow_ellipsoids: false, rays: RaySupport::Absent };
 
     pub(super) fn of(driver: vk::DriverId) -> Quirks {
         match driver {

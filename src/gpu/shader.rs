@@ -19,13 +19,24 @@ fn source(name: &str) -> Option<(&'static str, &'static str)> {
 pub struct Composed {
     pub text: String,
     origin: Vec<(&'static str, u32)>,
+    /// Whether `#import traverse` inserts the module `ray_query`.
+    hardware_rays: bool,
 }
 
 /// Replaces every `#import` of `text` (file `path`) by the source of the module; each module is inserted once. Fails if a module
 /// does not exist or imports itself.
 pub fn compose(path: &'static str, text: &str) -> Result<Composed> {
-    let mut composed = Composed { text: String::new(), origin: vec![] };
+    compose_with(path, text, false)
+}
+
+/// As [`compose`]. If `hardware_rays`, the module that traces rays by the BVH is replaced by the one that uses ray queries.
+fn compose_with(path: &'static str, text: &str, hardware_rays: bool) -> Result<Composed> {
+    let mut composed = Composed { text: String::new(), origin: vec![], hardware_rays };
     include(path, text, &mut vec![], &mut vec![], &mut composed)?;
+    // WGSL has this line at its beginning. It must not change the numbers of the others.
+    if composed.text.contains(": acceleration_structure;") {
+        composed.text.insert_str(0, "enable wgpu_ray_query; ");
+    }
     Ok(composed)
 }
 
@@ -46,6 +57,7 @@ fn include(
     for (i, line) in text.lines().enumerate() {
         let at = i as u32 + 1;
         if let Some(name) = line.strip_prefix("#import ") {
+            let name = if out.hardware_rays && name.trim() == "traverse" { "ray_query" } else { name };
             let (path_in, text_in) = source(name.trim())
                 .ok_or_else(|| Error::Shader(format!("shaders/{path}.wgsl:{at}: no module named {}", name.trim())))?;
             include(path_in, text_in, done, open, out)?;
@@ -84,7 +96,10 @@ impl Composed {
     }
 }
 
-const CAPABILITIES: Capabilities = Capabilities::IMMEDIATES;
+const CAPABILITIES: Capabilities = Capabilities::IMMEDIATES.union(Capabilities::RAY_QUERY);
+
+/// Name of the constant that selects the module `ray_query` instead of `traverse`, if its value is 1.
+pub const HARDWARE_RAYS: &str = "HARDWARE_RAYS";
 
 /// A buffer that an entry point uses.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -94,6 +109,8 @@ pub struct Binding {
     pub binding: u32,
     /// The kernel reads the buffer as 16-byte texels (`texture_1d<u32>`), not as a storage buffer.
     pub texels: bool,
+    /// The kernel traces rays in the acceleration structure that the buffer holds.
+    pub structure: bool,
 }
 
 /// A compiled entry point, and the buffers and immediates that it needs.
@@ -135,6 +152,11 @@ impl Source {
         Source { path, text: text.into(), entry: entry.into(), constants }
     }
 
+    /// Whether kernels trace rays by ray queries: the constant `HARDWARE_RAYS`, which no text declares, is 1.
+    fn hardware_rays(&self) -> bool {
+        self.constants.iter().any(|(name, value)| name == HARDWARE_RAYS && *value == 1.0)
+    }
+
     /// Sets the override constant `name` to `value` if it has no value yet.
     pub fn with_default(mut self, name: &str, value: f64) -> Source {
         if self.constants.iter().all(|(other, _)| other != name) {
@@ -148,7 +170,7 @@ impl Source {
 /// wrong, or if there is no such entry point.
 pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
     let Source { path, text, entry, constants } = source;
-    let mut composed = compose(path, text)?;
+    let mut composed = compose_with(path, text, source.hardware_rays())?;
     composed.text = reachable::keep_reachable(&texels::as_storage(&composed.text, storage), entry);
     let (module, info) = composed.parse()?;
     let wanted: HashMap<String, f64> = constants
@@ -192,8 +214,10 @@ pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
         let name = variable.name.clone().unwrap_or_default();
         match (&variable.binding, variable.space) {
             (Some(b), space) => {
-                let texels = space == naga::AddressSpace::Handle;
-                bindings.push(Binding { name, group: b.group, binding: b.binding, texels });
+                let inner = &module.types[variable.ty].inner;
+                let structure = matches!(inner, naga::TypeInner::AccelerationStructure { .. });
+                let texels = space == naga::AddressSpace::Handle && !structure;
+                bindings.push(Binding { name, group: b.group, binding: b.binding, texels, structure });
             }
             (None, naga::AddressSpace::Immediate) => {
                 constants_size = module.types[variable.ty].inner.size(module.to_ctx())
@@ -202,18 +226,20 @@ pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
         }
     }
     let pipeline = spv::PipelineOptions { shader_stage: naga::ShaderStage::Compute, entry_point: entry.clone() };
-    let words = spv::write_vec(&module, &info, &writer_options(), Some(&pipeline))
+    let words = spv::write_vec(&module, &info, &writer_options(source.hardware_rays()), Some(&pipeline))
         .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
     let workgroup = module.entry_points[0].workgroup_size[0];
     let words = spirv::texel_buffers(&spirv::forbid_contraction(&words));
     Ok(Compiled { words, bindings, constants_size, workgroup, places })
 }
 
-/// Every option is given explicitly, because naga's defaults differ between debug and release builds.
-fn writer_options() -> spv::Options<'static> {
+/// Every option is given explicitly, because naga's defaults differ between debug and release builds. Vulkan requires SPIR-V 1.4 for ray
+/// queries.
+fn writer_options(hardware_rays: bool) -> spv::Options<'static> {
     let policy = if bounds::checked() { BoundsCheckPolicy::ReadZeroSkipWrite } else { BoundsCheckPolicy::Unchecked };
     spv::Options {
-        lang_version: (1, 3),
+        lang_version: if hardware_rays { (1, 4) } else { (1, 3) },
+        ray_query_initialization_tracking: false,
         flags: spv::WriterFlags::empty(),
         bounds_check_policies: BoundsCheckPolicies {
             index: policy,

@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 
+use super::acceleration::RayFunctions;
 use super::info::DeviceInfo;
 use super::instance::{Instance, device_error};
 use super::turns::Turns;
@@ -24,6 +25,8 @@ pub(super) struct Shared {
     /// Nanoseconds per timestamp tick; 0 if the queue has no timestamps.
     pub timestamp_ns: f64,
     pub info: DeviceInfo,
+    /// What builds acceleration structures; `None` if the device has no ray queries.
+    pub rays: Option<RayFunctions>,
     /// Size of all device buffers that exist, in bytes.
     pub bytes: AtomicU64,
     /// Number of times that the host has waited for the device.

@@ -8,6 +8,7 @@ use bytemuck::NoUninit;
 use super::geometry::TexelLayout;
 use super::material::Material;
 use super::prepared_scene::PreparedScene;
+use super::ray_structure;
 use crate::error::Result;
 use crate::gpu::{Buffer, BufferDesc, Device};
 use crate::scene::Scene;
@@ -27,7 +28,7 @@ type Part<'a> = (&'static str, BufferDesc, Cow<'a, [u8]>);
 const EMITTERS: &str = "emitters";
 const AIMS: &str = "aims";
 
-const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
+pub(super) const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
 const MEDIA: &str = "use fewer media and shorter tables, or a device with a larger limit (taugate devices)";
 const GRIDS: &str = "use density grids with fewer voxels, or a device with a larger limit (taugate devices)";
 const POINTS: &str = "use fewer sensor points, or a device with a larger limit (taugate devices)";
@@ -99,9 +100,10 @@ pub fn frame_buffer(device: &Device) -> Result<Buffer> {
 
 impl DeviceScene {
     /// Descriptors of the scene's buffers.
-    pub fn buffer_descs(prepared: &PreparedScene) -> Vec<BufferDesc> {
+    pub fn buffer_descs(prepared: &PreparedScene, hardware_rays: bool) -> Vec<BufferDesc> {
         let copied = parts(prepared).into_iter().map(|(_, desc, _)| desc);
-        copied.chain([texels_desc(prepared)]).collect()
+        let rays = hardware_rays.then(|| ray_structure::buffer_descs(prepared)).into_iter().flatten();
+        copied.chain([texels_desc(prepared)]).chain(rays).collect()
     }
 
     /// Bytes of the arrays that the host keeps in the layout of the device: all but the texels.
@@ -109,13 +111,17 @@ impl DeviceScene {
         parts(prepared).iter().map(|(_, _, data)| data.len() as u64).sum()
     }
 
-    /// Uploads the scene. `prepared` was made from `scene`. Fails, with the remedy, if a buffer exceeds a limit of the device.
-    pub fn new(device: &Device, scene: &Scene, prepared: &PreparedScene) -> Result<DeviceScene> {
+    /// Uploads the scene. `prepared` was made from `scene`. If `hardware_rays`, the device also builds what its ray queries need. Fails, with
+    /// the remedy, if a buffer exceeds a limit of the device.
+    pub fn new(device: &Device, scene: &Scene, prepared: &PreparedScene, hardware_rays: bool) -> Result<DeviceScene> {
         let shared = parts(prepared).into_iter().filter(|(wgsl, ..)| *wgsl != EMITTERS);
         let mut buffers = shared.map(|part| upload(device, part)).collect::<Result<Vec<_>>>()?;
         let mut texels = Buffer::from_desc(device, &texels_desc(prepared))?;
         prepared.geometry.texels.write(scene, |offset, bytes| texels.write(offset, bytes))?;
         buffers.push(("texels", texels));
+        if hardware_rays {
+            buffers.extend(ray_structure::buffers(device, &prepared.geometry.triangles)?);
+        }
         let emitters = emitters_buffer(device, prepared)?;
         Ok(DeviceScene { emitters, buffers: Arc::new(buffers) })
     }

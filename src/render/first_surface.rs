@@ -48,7 +48,7 @@ pub fn first_surfaces(
     // The estimator does not matter here, but some estimators refuse scenes that this one accepts.
     let settings = settings.change().estimator(Estimator::UNGATED).build()?;
     let plan = Plan::new(scene, &settings, prepared, device.info().quirks)?;
-    let on_device = DeviceScene::new(device, scene, prepared)?;
+    let on_device = DeviceScene::new(device, scene, prepared, plan.hardware_rays)?;
     let mut frame = frame_buffer(device)?;
     frame.write(0, &[plan.frame(&Iteration { number: 0, first_sample: 0, samples: 1 }, None)])?;
     let mut constants = plan.constants();

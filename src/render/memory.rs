@@ -84,7 +84,7 @@ impl MemoryPlan {
         let info = device.unwrap_or(&unlimited);
         let plan = Plan::new(scene, settings, prepared, info.quirks)?;
         let (scene_buffers, iteration) =
-            (DeviceScene::buffer_descs(prepared), iteration_buffers(info, &plan, prepared));
+            (DeviceScene::buffer_descs(prepared, plan.hardware_rays), iteration_buffers(info, &plan, prepared));
         let vertices = plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth));
         // A photon may be stored at several bounces.
         let photons = if plan.merging.is_some() { 2 * plan.photons(plan.max_samples()) as usize } else { 0 };
@@ -153,7 +153,7 @@ pub(super) fn certain_buffers(info: &DeviceInfo, plan: &Plan, prepared: &Prepare
     let emitters = &prepared.emitters;
     let every_path_starts_on_a_surface = emitters.has_area() && emitters.lights.is_empty();
     let vertices = if every_path_starts_on_a_surface { plan.light_paths } else { 0 };
-    let mut buffer_descs = DeviceScene::buffer_descs(prepared);
+    let mut buffer_descs = DeviceScene::buffer_descs(prepared, plan.hardware_rays);
     buffer_descs.extend(iteration_buffers(info, plan, prepared));
     buffer_descs.extend(pool_buffers(plan, vertices, 0));
     buffer_descs

@@ -36,6 +36,7 @@ mod pool_layout;
 mod precompile;
 mod prepared_scene;
 mod probe;
+mod ray_structure;
 mod responses;
 mod restart;
 mod resume;
@@ -185,7 +186,7 @@ impl Renderer {
         // Check the limits of the device before any allocation.
         buffer_desc::check_all(&memory::certain_buffers(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
-        let scene = stats.prepared("upload scene", || DeviceScene::new(device, scene, prepared))?;
+        let scene = stats.prepared("upload scene", || DeviceScene::new(device, scene, prepared, plan.hardware_rays))?;
         Renderer::on_device(device, plan, size, scene, prepared, stats)
     }
 

@@ -23,9 +23,9 @@ use super::space::RenderSpace;
 use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, PoolOrder, Record};
-use crate::gpu::Quirks;
+use crate::gpu::{Quirks, RaySupport};
 use crate::scene::{Distortion, Light, LightKind, Scene};
-use crate::settings::{Crop, Fireflies, Importance, Responses, Sampling, Settings, Strategies};
+use crate::settings::{Crop, Fireflies, Importance, Rays, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 use camera::CameraKind;
@@ -102,6 +102,8 @@ pub struct Iteration {
 /// The parameters of a render that are the same in all iterations.
 pub struct Plan {
     pub estimator: &'static Record,
+    /// Whether ray queries of the device trace the rays.
+    pub hardware_rays: bool,
     /// The conditions, besides the responses, that decide which record of the chosen estimator the render uses.
     choice: Choice,
     pub light_paths: u32,
@@ -209,6 +211,7 @@ impl Plan {
         let emitter_count = frame.emitter_count;
         let observe = if settings.responses().is_single_box() { Observe::Nothing } else { Observe::Responses };
         let mut plan = Plan {
+            hardware_rays: traces_by_hardware(settings.rays(), quirks.rays)?,
             estimator,
             choice,
             light_paths: settings.light_paths(),
@@ -368,6 +371,19 @@ impl Plan {
     /// only the strategies with t = 1.
     pub fn traced_paths(&self) -> u32 {
         self.light_paths + if self.splats { self.splat_paths } else { 0 }
+    }
+}
+
+/// Whether ray queries trace the rays, on a device with this support. Fails if the user demands them and there are none.
+fn traces_by_hardware(rays: Rays, support: RaySupport) -> Result<bool> {
+    match (rays, support) {
+        (Rays::Hardware, RaySupport::Absent) => Err(Error::settings(
+            "--rays hardware needs a device with ray queries (VK_KHR_ray_query), and this one has none; give --rays software, or choose \
+             another device with --device (see taugate devices)",
+        )),
+        (Rays::Hardware, _) => Ok(true),
+        // No card has run ray queries yet.
+        (Rays::Auto | Rays::Software, _) => Ok(false),
     }
 }
 

@@ -20,7 +20,7 @@ use crate::settings::{Edge, Estimator, Response, Responses, Settings};
 /// Probability that a correct device fails at least one of the tests (Sidak).
 const SIGNIFICANCE: f64 = 1e-3;
 /// Upper bound on the number of tests.
-const TESTS: usize = 120;
+const TESTS: usize = 180;
 /// Relative error of the means that is allowed for 32-bit arithmetic, and for the flat facets of the sphere.
 const ROUNDING: f64 = 2e-4;
 /// Number of lamps in the sphere with many lamps: more than the estimators connect one by one.

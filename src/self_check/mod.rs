@@ -11,11 +11,11 @@ mod means;
 pub mod sphere;
 
 use crate::error::{Error, Result};
-use crate::gpu::Device;
+use crate::gpu::{Device, RaySupport};
 use crate::input::experiment::Experiment;
 use crate::input::resolve::resolve;
 use crate::scene::Scene;
-use crate::settings::{Estimator, Sampling, Settings};
+use crate::settings::{Estimator, Rays, Sampling, Settings};
 
 /// Result of a check. Each text is a clause for one line of output.
 #[derive(Debug)]
@@ -34,25 +34,32 @@ pub struct Outcome {
     pub verdict: Verdict,
 }
 
-/// An estimator with a sampling mode.
+/// An estimator with a sampling mode, and what traces its rays.
 #[derive(Clone, Copy)]
 struct Method {
     estimator: Estimator,
     sampling: Sampling,
+    rays: Rays,
 }
 
 impl Method {
-    /// Every estimator with every sampling mode.
-    fn all() -> impl Iterator<Item = Method> {
-        Estimator::ALL
-            .into_iter()
-            .flat_map(|estimator| Sampling::ALL.into_iter().map(move |sampling| Method { estimator, sampling }))
+    /// Every estimator with every sampling mode. With `ray_queries`, also every estimator with rays by them, in one sampling mode.
+    fn all(ray_queries: bool) -> impl Iterator<Item = Method> {
+        let of = |estimator| Sampling::ALL.map(|sampling| Method { estimator, sampling, rays: Rays::Software });
+        let again = |estimator| Method { estimator, sampling: Sampling::Uniform, rays: Rays::Hardware };
+        let queried = Estimator::ALL.into_iter().filter(move |_| ray_queries).map(again);
+        Estimator::ALL.into_iter().flat_map(of).chain(queried)
+    }
+
+    fn name(self) -> String {
+        let by = if self.rays == Rays::Hardware { ", ray queries" } else { "" };
+        format!("{}, {}{by}", self.estimator, self.sampling)
     }
 
     /// Settings of a small render. `keys` are additional lines for the table `[render]` of the experiment.
     fn settings(self, scene: &Scene, keys: &str) -> Result<Settings> {
-        let Method { estimator, sampling } = self;
-        let text = format!("[render]\nestimator = '{estimator}'\nsampling = '{sampling}'\n{keys}\n");
+        let Method { estimator, sampling, rays } = self;
+        let text = format!("[render]\nestimator = '{estimator}'\nsampling = '{sampling}'\nrays = '{rays}'\n{keys}\n");
         let experiment = Experiment::parse(&text).expect("the experiment is well-formed");
         Ok(resolve(&experiment, scene)?.settings)
     }
@@ -61,12 +68,13 @@ impl Method {
 /// Runs all checks on `device`, and calls `visit` after each check.
 pub fn check(device: &Device, visit: &mut dyn FnMut(Outcome)) {
     let cases = means::cases();
-    Method::all().for_each(|method| check_method(device, method, &cases, visit));
+    let ray_queries = device.info().quirks.rays != RaySupport::Absent;
+    Method::all(ray_queries).for_each(|method| check_method(device, method, &cases, visit));
 }
 
 fn check_method(device: &Device, method: Method, cases: &[means::Case], visit: &mut dyn FnMut(Outcome)) {
     let mut done = |what: &str, verdict: Result<Verdict>| {
-        let name = format!("{}, {}, {what}", method.estimator, method.sampling);
+        let name = format!("{}, {what}", method.name());
         visit(Outcome { name, verdict: verdict.unwrap_or_else(Verdict::Failed) });
     };
     done("a lamp seen directly", lamp::check(device, method, lamp::RADIANCE));

@@ -5,7 +5,7 @@ fn device() -> Device {
     Device::open(None).expect("these tests need a Vulkan device: run ./setup.sh")
 }
 
-const METHOD: Method = Method { estimator: Estimator::Bdpt, sampling: Sampling::Adaptive };
+const METHOD: Method = Method { estimator: Estimator::Bdpt, sampling: Sampling::Adaptive, rays: Rays::Software };
 
 #[test]
 fn a_lamp_that_is_not_as_bright_as_expected_is_found() {
@@ -17,7 +17,7 @@ fn a_lamp_that_is_not_as_bright_as_expected_is_found() {
 /// With one of the rooms. The command line's long test, `every_check_is_ok`, runs all methods and rooms.
 #[test]
 fn the_checks_of_a_method_are_right() {
-    let method = Method { estimator: Estimator::Lcs, sampling: Sampling::Adaptive };
+    let method = Method { estimator: Estimator::Lcs, ..METHOD };
     let mut outcomes = vec![];
     let cases = &means::cases()[..1];
     check_method(&device(), method, cases, &mut |outcome| outcomes.push(outcome));

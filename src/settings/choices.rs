@@ -87,6 +87,16 @@ choices! {
         Damp = "damp",
     }
 
+    /// What traces rays. The mean of the image does not depend on it.
+    Rays, "does not say what traces rays" {
+        /// The kernels, until ray queries were tried on a card.
+        Auto = "auto",
+        /// The ray queries of the device, which may be software. A device without them cannot render.
+        Hardware = "hardware",
+        /// The kernels.
+        Software = "software",
+    }
+
     /// Which surfaces with transmission are thin glass. Light passes straight through thin glass, and refracts at solid glass.
     ThinGlass, "does not say which glass is thin" {
         /// Those of open meshes, and those whose material says so.

@@ -46,7 +46,7 @@ pub mod values;
 
 pub use self::builder::SettingsBuilder;
 pub use self::choices::{
-    Budget, Crop, Emitters, Filter, Fireflies, GatePictures, Importance, Merge, Sampling, Strategies, ThinGlass,
+    Budget, Crop, Emitters, Filter, Fireflies, GatePictures, Importance, Merge, Rays, Sampling, Strategies, ThinGlass,
     UseEllipsoids,
 };
 pub use self::response::{Edge, Response};

@@ -18,8 +18,8 @@ use crate::settings::pixels::Pixels;
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
 use crate::settings::{
-    Crop, Emitters, Estimator, Filter, Fireflies, GatePictures, Importance, Merge, Sampling, Strategies, ThinGlass,
-    UseEllipsoids,
+    Crop, Emitters, Estimator, Filter, Fireflies, GatePictures, Importance, Merge, Rays, Sampling, Strategies,
+    ThinGlass, UseEllipsoids,
 };
 
 /// Width and height in pixels, such as `640x480`.
@@ -189,6 +189,7 @@ serde_as_text!(
     Estimator,
     Fireflies,
     Merge,
+    Rays,
     Sampling,
     Strategies,
     ThinGlass,
@@ -203,7 +204,7 @@ serde_as_list! {
     Aov, ",", "expected \"all\" or a list of layers";
 }
 
-value_from_text!(Gate, Gates, Depth, Resolution, Crop, Seconds, Estimator, Fireflies, Importance, Merge, Pixels, Sampling, Strategies, ThinGlass, UseEllipsoids, Filter, GatePictures, Aov, Exposure, Emitters {
+value_from_text!(Gate, Gates, Depth, Resolution, Crop, Seconds, Estimator, Fireflies, Importance, Merge, Pixels, Rays, Sampling, Strategies, ThinGlass, UseEllipsoids, Filter, GatePictures, Aov, Exposure, Emitters {
     fn and(self, later: Emitters) -> Emitters {
         match (self, later) {
             (Emitters::Nodes(names), Emitters::Nodes(more)) => Emitters::Nodes([names, more].concat()),

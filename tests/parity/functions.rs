@@ -22,6 +22,7 @@ use Cover::{Caller, Test};
 const ELSEWHERE: &[(&str, Cover)] = &[
     ("is_in_reach", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
     ("load_leaf_vertex", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("triangle_of", Test("ray_queries.rs", "closed_meshes_do_not_leak")),
     ("pack_weights", Caller("grow_frontier")),
     ("unpack_weights", Caller("sample_frontier")),
     ("subtree_weights", Caller("sample_frontier")),

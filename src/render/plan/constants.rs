@@ -2,6 +2,7 @@
 
 use super::{Observe, Plan};
 use crate::estimators::{Ellipsoids, PoolOrder};
+use crate::gpu::shader::HARDWARE_RAYS;
 use crate::scene::Scene;
 use crate::settings::Responses;
 use crate::wgsl::layout::constants::{
@@ -53,6 +54,7 @@ impl Plan {
         ]);
         constants.extend(self.camera_kind.constants().map(|(name, on)| (name, switch(on))));
         constants.extend(self.media_constants);
+        constants.extend(self.hardware_rays.then_some((HARDWARE_RAYS, 1.0)));
         constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));
         constants
     }

@@ -99,6 +99,10 @@ table! {
         /// Also trace subpaths that can no longer meet the gate; slower, and the mean image is the same
         no_cull: bool = |_| false, Setting::sampling("no-cull", "").form(Form::Switch);
 
+        /// What traces rays: the device's ray queries (hardware), or kernels (software). auto is software, because no card has run ray queries
+        /// yet; taugate devices --check compares both. The mean image is the same [default: auto]
+        rays: Rays = |_| Rays::Auto, Setting::sampling("rays", "NAME");
+
         /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind of device]
         device: String, Setting::diagnostics("device", "INDEX|NAME").also(Info);
 

@@ -46,6 +46,7 @@ impl Visitor for Fill {
             "0/2",
             "keep",
             "strip",
+            "software",
             "word",
         ];
         *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());
