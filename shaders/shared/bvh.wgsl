@@ -19,8 +19,8 @@ fn extract_byte(x: u32, b: u32) -> u32 {
 // Slack of the slab test, 24 x 2^-24 of each term. The ray parameter of a plane is a sum whose terms may cancel. So planes
 // are moved outwards by the possible rounding error of the terms, and flat boxes keep their hits (after Ize 2013). The terms contain
 // the inverse of the direction, and Vulkan allows a division an error of 2.5 ulp (5 x 2^-24). The slack is more than doubled, because
-// `to_ray` also rounds the corners of the triangles. Near planes are moved as well: on an axis along which the
-// ray hardly moves, the error of the near plane may exceed the slack of the far plane.
+// `to_ray` also rounds the corners of the triangles. Near planes are moved as well. Where the ray
+// hardly moves along an axis, the error of a near plane may exceed the slack of a far plane.
 const SLAB_SLACK: f32 = 1.43e-6;
 
 // The quantised planes of a node as ray parameters: byte times scale plus origin, for near and far planes.

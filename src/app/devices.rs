@@ -40,7 +40,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
             match device.quirks.rays {
                 RaySupport::Absent => "none",
                 RaySupport::Software => "in software, used only with --rays hardware",
-                RaySupport::Hardware => "yes",
+                RaySupport::Hardware => "yes, used only with --rays hardware",
             },
         ))?;
     }

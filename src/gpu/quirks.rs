@@ -10,7 +10,7 @@ use ash::vk;
 pub enum RaySupport {
     /// The device has no ray queries.
     Absent,
-    /// A software device has them, and computes them as slowly as kernels do.
+    /// A software device has them, and computes them more slowly than kernels trace rays.
     Software,
     /// A card has them.
     Hardware,

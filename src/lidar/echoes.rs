@@ -67,7 +67,7 @@ impl Finder {
     pub fn echoes(&self, waveform: &[f64]) -> Vec<Echo> {
         let highest = |light: &[f64]| light.iter().copied().fold(0.0, f64::max);
         let threshold = (self.threshold * highest(waveform)).max(self.floor);
-        let radius = (0.5 * self.separation) as usize;
+        let radius = ((0.5 * self.separation) as usize).min(waveform.len());
         let near = averaged(waveform, radius);
         let dark = self.threshold * highest(&near);
         let found =
@@ -207,6 +207,7 @@ mod tests {
         let count = |finder: Finder| finder.echoes(&far).len();
         assert_eq!(count(Finder { threshold: 0.3, ..FINDER }), 1);
         assert_eq!(count(Finder { floor: 1.5, ..FINDER }), 1);
+        assert_eq!(count(Finder { separation: f64::MAX, ..FINDER }), 1);
         assert_eq!(count(Finder { separation: 50.0, ..FINDER }), 1);
         assert_eq!(count(Finder { max: 1, ..FINDER }), 1);
         let found = FINDER.echoes(&far);
