@@ -216,7 +216,8 @@ impl NativeScene {
         Ok(())
     }
 
-    /// Calls `work` with a renderer without iterations, its settings, and the experiment with all defaults.
+    /// Calls `work` with a renderer without iterations, its settings, and the experiment with all defaults. The renderer shows a single
+    /// moment, see `check_parts`.
     pub fn with_renderer<T>(
         &self,
         flags: &[Words],

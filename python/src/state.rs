@@ -107,6 +107,11 @@ impl State {
         if !single && count == 1 && settings.responses().are_steady() {
             return Err(crate::errors::settings("a histogram needs gates, such as gates='5m..15m/100'"));
         }
+        if experiment.input.shutter.is_some() && !self.moved.is_empty() {
+            return Err(crate::errors::settings(
+                "while the shutter is open, nodes follow the animations of the file; leave out shutter, or do not move nodes",
+            ));
+        }
         let has_variance = count > 1 && experiment.output.variance.unwrap_or(false);
         engine::check_memory(self.ready.as_ref(), settings, has_variance)?;
         // The files of sums are those of the call: an experiment file names outputs of the program.
@@ -120,6 +125,8 @@ impl State {
         if let Some((line, note)) = job.continue_sums(sums, Shard::ALL)? {
             notes.extend([line].into_iter().chain(note));
         }
+        // Of an exposure, the camera in the middle.
+        let view = View::of(&job.ready.scene, settings)?;
         let interrupt = engine::iterate(&mut job, progress)?;
         let mut warnings: Vec<String> = job.warnings().map(String::from).collect();
         // The image must not be lost with the file.
@@ -139,7 +146,7 @@ impl State {
             adaptive: None,
             layers: Layers::default(),
         };
-        let (view, dropped) = (View::of(&ready.scene, settings)?, renderer.dropped());
+        let dropped = renderer.dropped();
         let image = Image { sums, responses: settings.responses().clone(), layers, view, notes, warnings, dropped };
         self.ready = Some(ready).filter(|ready| !ready.renderer.device().is_lost());
         Ok((image, interrupt))

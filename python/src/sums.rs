@@ -104,8 +104,12 @@ pub fn check_parts(
 ) -> PyResult<(Option<String>, Option<u32>, Option<f64>)> {
     let checked = py.detach(|| {
         let job = scene.job(&flags)?;
-        let Experiment { scan, output, render, .. } = &job.experiment;
+        let Experiment { scan, output, render, input, .. } = &job.experiment;
         let refusals = [
+            (
+                input.shutter.is_some() || input.rolling.is_some(),
+                "a farm renders a single moment; leave out shutter and rolling, or use taugate.render",
+            ),
             (scan.is_some(), "a farm does not divide the points of a scan; measure it with taugate.scan"),
             (
                 output.aov.is_some(),

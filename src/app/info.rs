@@ -23,6 +23,7 @@ use taugate::internals::render::{
     missing_light_at_any_time, probe, view_thickness,
 };
 use taugate::internals::scene::Scene;
+use taugate::internals::settings::table::InputTable;
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
 
@@ -214,7 +215,10 @@ fn reduce(experiment: &mut Experiment) -> Vec<String> {
     let keys = experiment.gate.gate_keys.take();
     let of_keys = keys.map(|_| "the gates of gate-keys differ between frames, so the report has no gate".into());
     let of_scan = experiment.scan.as_ref().map(|_| "travel times are those of the first point of the laser".into());
-    of_keys.into_iter().chain(of_scan).collect()
+    let InputTable { shutter, rolling, .. } = &mut experiment.input;
+    let of_shutter = shutter.map(|_| "the report shows the middle of the exposure".into());
+    *rolling = None;
+    of_keys.into_iter().chain(of_scan).chain(of_shutter).collect()
 }
 
 /// Whether the user wants a part of the report that needs a device and a scene that can be rendered.

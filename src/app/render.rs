@@ -23,9 +23,8 @@ use taugate::internals::job::ready::Ready;
 use taugate::internals::job::ready_job::{ReadyJob, Step};
 use taugate::internals::job::sum_files::SumFiles;
 use taugate::internals::job::sums::{self, Identity, empty_shard};
-use taugate::internals::job::{Job, frames, memory, read};
+use taugate::internals::job::{Job, exposure, frames, memory, read};
 use taugate::internals::render::StrategyImages;
-use taugate::internals::render::schedule::budget_of;
 use taugate::internals::settings::table::OutputTable;
 use taugate::internals::tev::TevStream;
 
@@ -143,6 +142,12 @@ impl Session {
         memory::check(settings, parts, free)?;
         if outputs.strategy_images.is_some() {
             StrategyImages::check(settings)?;
+            if job.experiment.input.shutter.is_some() {
+                let message = "--strategy-images shows a single moment: ";
+                return Err(
+                    taugate::Error::advice(message, "leave out --shutter, and choose the moment with --at").into()
+                );
+            }
         }
         if self.tev.is_none() {
             // The stream connects while the device is prepared.
@@ -150,7 +155,8 @@ impl Session {
         }
 
         // Prepare the device. The renderer of the previous frame also renders this frame if only cameras, lights or gates moved.
-        let without_work = empty_shard(shard, &settings.budget());
+        let lengths = exposure::lengths(&job.experiment.input);
+        let without_work = empty_shard(shard, &settings.budget(), lengths);
         job.notes.iter().chain(&without_work).for_each(|note| self.say(format!("note: {note}")));
         job.warnings().iter().for_each(|warning| self.say(format!("warning: {warning}")));
         let gate_warning = job.resolved.gate_warning.clone();
@@ -168,7 +174,7 @@ impl Session {
         let (name, responses) = (outputs.name(), settings.responses());
         let mut live = self.tev.as_mut().map(|stream| Live { stream, name, responses });
         let progress = &mut self.progress;
-        let own_budget = budget_of(shard, settings.budget());
+        let own_budget = lengths.budget_of(shard, settings.budget());
         let rendered = job.iterate(stop, Abandons::LaterOnes, |Step { renderer, elapsed, not_written, .. }| {
             if let Some(live) = &mut live {
                 live.update(renderer, progress);
@@ -266,8 +272,9 @@ impl Session {
         {
             self.progress.line(&note);
         }
-        // Only the next frame of a sequence may use the prepared scene again.
-        job.ready.prepared = job.ready.prepared.filter(|_| self.is_sequence);
+        if !self.is_sequence {
+            job.no_job_follows();
+        }
         Ok(job)
     }
 }

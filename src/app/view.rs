@@ -28,6 +28,7 @@ use taugate::internals::gpu::Device;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::named;
 use taugate::internals::job::read;
+use taugate::internals::settings::moment::Moment;
 use taugate::internals::tev::TevStream;
 use taugate::internals::threads;
 use tokio::sync::{mpsc, watch};
@@ -197,6 +198,9 @@ fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
     experiment.output = Default::default();
     experiment.gate.gate_keys = None;
     experiment.camera.crop = None;
+    // The middle of the exposure stays.
+    experiment.input.at = experiment.input.moment().map(Moment);
+    (experiment.input.shutter, experiment.input.rolling) = (None, None);
     let after = named::as_texts(experiment);
     Ok(before.into_keys().filter(|name| !after.contains_key(name) && *name != "output").collect())
 }

@@ -53,14 +53,33 @@ impl End {
     }
 }
 
+/// Adds iterations to the film of its renderer.
+pub trait Iterate {
+    fn renderer(&mut self) -> &mut Renderer;
+
+    /// As [`Renderer::iterate_unless`].
+    fn iterate(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool>;
+}
+
+impl Iterate for Renderer {
+    fn renderer(&mut self) -> &mut Renderer {
+        self
+    }
+
+    fn iterate(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
+        self.iterate_unless(samples, stop)
+    }
+}
+
 impl Iterations<'_> {
     /// Calls `watch` after each iteration with the time since the call of this function. Fails as [`Renderer::iterate`] does. But an
     /// error of the device is [`End::Failed`] if the film has samples.
-    pub fn run(&self, renderer: &mut Renderer, mut watch: impl FnMut(&Renderer, Duration)) -> Result<End> {
+    pub fn run(&self, of: &mut impl Iterate, mut watch: impl FnMut(&Renderer, Duration)) -> Result<End> {
         let (started, never) = (Instant::now(), Arc::default());
         let is_bad = |renderer: &Renderer| self.strict && renderer.dropped() > 0;
         // The sums that a render continues may lack samples.
-        while !is_bad(renderer) {
+        while !is_bad(of.renderer()) {
+            let renderer = of.renderer();
             let Some(samples) = begin(renderer, &self.schedule, started.elapsed()) else { return Ok(End::Complete) };
             if self.stop.load(Ordering::SeqCst) {
                 return Ok(End::Stopped);
@@ -71,17 +90,17 @@ impl Iterations<'_> {
                 Abandons::SafeOnes => !renderer.has_responses(),
                 Abandons::LaterOnes => !renderer.has_responses() && has_samples,
             };
-            match renderer.iterate_unless(samples, if may_abandon { self.stop } else { &never }) {
-                Ok(true) if is_bad(renderer) => break,
-                Ok(true) => watch(renderer, started.elapsed()),
+            match of.iterate(samples, if may_abandon { self.stop } else { &never }) {
+                Ok(true) if is_bad(of.renderer()) => break,
+                Ok(true) => watch(of.renderer(), started.elapsed()),
                 Ok(false) => return Ok(End::Stopped),
-                Err(error) if error.kind() == ErrorKind::Device && renderer.rendered().samples > 0 => {
+                Err(error) if error.kind() == ErrorKind::Device && of.renderer().rendered().samples > 0 => {
                     return Ok(End::Failed(error));
                 }
                 Err(error) => return Err(error),
             }
         }
-        Ok(End::NotFinite(renderer.dropped()))
+        Ok(End::NotFinite(of.renderer().dropped()))
     }
 }
 
@@ -96,8 +115,8 @@ pub fn run(renderer: &mut Renderer, schedule: Schedule) -> Result<()> {
 pub fn begin(renderer: &mut Renderer, schedule: &Schedule, elapsed: Duration) -> Option<u32> {
     let rendered = renderer.rendered();
     let next = schedule.next(rendered, elapsed.as_secs_f64())?;
-    if next.after_gap {
-        renderer.go_to(next.number);
+    if let Some(before) = next.after_gap {
+        renderer.go_to(next.number, before);
     }
     renderer.announce(schedule.following(rendered, next));
     Some(next.samples)

@@ -1,5 +1,6 @@
 //! What the program, the viewer and the Python module do with a scene. Nothing here prints. [`Job`] is also part of the API.
 
+pub mod exposure;
 pub mod feasible;
 pub mod frames;
 pub mod iterations;
@@ -27,6 +28,7 @@ use crate::settings::Settings;
 use crate::settings::aov::Aov;
 use crate::settings::shard::Shard;
 
+use exposure::Exposure;
 use preparation::Preparation;
 use ready::{Ready, Wanted};
 use ready_job::ReadyJob;
@@ -201,8 +203,7 @@ impl Job {
     /// the job is a scan.
     pub fn prepare(self, device: &Device) -> Result<ReadyJob> {
         let mut job = self.prepare_after(None, device)?;
-        // Only a later job needs it.
-        job.ready.prepared = None;
+        job.no_job_follows();
         Ok(job)
     }
 
@@ -236,7 +237,12 @@ impl Job {
         if self.is_scan() {
             return Err(Error::advice("this experiment is a scan: ", "measure its points instead of an image"));
         }
-        let (config, warnings, may_be_dark) = (self.config(), self.warnings(), self.may_be_dark());
+        let (config, mut warnings, may_be_dark) = (self.config(), self.warnings(), self.may_be_dark());
+        let exposure = Exposure::new(&config, self.settings(), &self.scene)?;
+        if let Some(warning) = exposure.as_ref().and_then(|exposure| exposure.warning(self.settings().budget())) {
+            say(&warning);
+            warnings.push(warning);
+        }
         let Job { experiment, scene, resolved: Resolved { settings, .. }, .. } = self;
         let aov = experiment.output.aov.unwrap_or_default();
         // A renderer that this render cannot take over is dropped here, so that two copies of the scene are never on the device.
@@ -252,7 +258,9 @@ impl Job {
             }
             None => None,
         };
-        let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark, has_variance, aov };
+        // Light may come in at another moment of the exposure.
+        let may_begin_dark = may_be_dark || exposure.is_some();
+        let wanted = Wanted { path: experiment.scene.as_deref(), may_be_dark: may_begin_dark, has_variance, aov };
         let (ready, layers) = match followed {
             Some(ready) => {
                 // Its share of the pixels may differ from frame to frame, so it is told once.
@@ -263,6 +271,7 @@ impl Job {
         };
         Ok(ReadyJob {
             ready,
+            exposure,
             layers,
             sums: SumFiles::default(),
             shard: Shard::ALL,

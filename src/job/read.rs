@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::exposure;
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::scene::Scene;
@@ -27,17 +28,20 @@ pub fn experiment(input: PathBuf, mut typed: Experiment) -> Result<Experiment> {
     Ok(typed)
 }
 
-/// Loads the scene of an experiment, in the pose that the experiment selects.
+/// Loads the scene of an experiment, in the pose that the experiment selects. With a shutter: in the middle of the exposure of the first
+/// row.
 ///
 /// # Panics
 /// If the experiment names no scene. So do the functions below.
 pub fn scene(experiment: &Experiment) -> Result<Scene> {
+    exposure::check(experiment, 0..1)?;
     let (path, allowed, playback) = source(experiment);
     gltf::load_with(path, &allowed, playback)
 }
 
 /// Fails if the scene has no pose at the time that the experiment selects.
 pub fn check_pose(experiment: &Experiment) -> Result<()> {
+    exposure::check(experiment, 0..1)?;
     let (path, allowed, playback) = source(experiment);
     gltf::check_pose(path, &allowed, playback)
 }
@@ -52,5 +56,5 @@ pub fn end_of_animations(experiment: &Experiment) -> Result<Option<f64>> {
 fn source(experiment: &Experiment) -> (&Path, Vec<PathBuf>, Playback<'_>) {
     let path = experiment.scene.as_ref().expect("the experiment names a scene");
     let input = &experiment.input;
-    (path, input.allowed(), Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() })
+    (path, input.allowed(), Playback { at: input.moment(), animation: input.animation.as_deref() })
 }

@@ -7,6 +7,7 @@ use super::preparation::Preparation;
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::image::layers::Layers;
+use crate::render::space::RenderSpace;
 use crate::render::{MemoryPlan, PreparedScene, Renderer, layers, missing_light, sheets};
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -117,5 +118,40 @@ impl Ready {
         }
         let missing = missing_light(&scene, settings, &prepared).map(|missing| missing.describe());
         Ok(Some(Ready { renderer, scene, settings: settings.clone(), prepared: Some(prepared), warnings, missing }))
+    }
+
+    /// Shows another moment of the same animations from the next rows of an iteration on. The images so far stay. The render space is
+    /// `home` for cameras in its reach. The device holds two copies of the scene for a moment if surfaces move.
+    ///
+    /// # Panics
+    /// Without [`Ready::prepared`].
+    pub fn show(&mut self, scene: Scene, settings: &Settings, home: RenderSpace) -> Result<()> {
+        let paused = self.renderer.pause();
+        let moved = self.move_to(scene, settings, home);
+        self.renderer.go_on(paused);
+        moved
+    }
+
+    fn move_to(&mut self, scene: Scene, settings: &Settings, home: RenderSpace) -> Result<()> {
+        let Ready { renderer, scene: before, prepared, .. } = self;
+        let prepared = prepared.as_mut().expect("another moment follows");
+        let camera = &scene.cameras[settings.camera()];
+        // It depends on the moment alone, so that equal moments have equal rounding errors.
+        let space = match home.sensor(camera.transform.translation) {
+            Some(_) => home,
+            None => RenderSpace::of_camera(&scene, camera, settings.emitters()),
+        };
+        let has_same_objects = before.has_same_objects(&scene) && sheets::have_same_thickness(before, &scene);
+        let has_same_places = has_same_objects && before.has_same_places(&scene);
+        if has_same_places && prepared.follow_in(&scene, settings, space)? && renderer.set_camera(camera)? {
+            renderer.set_lights(prepared)?;
+        } else {
+            if !(has_same_objects && prepared.follow_surfaces_in(&scene, settings, space)?) {
+                *prepared = PreparedScene::in_space(&scene, settings, |_| space)?;
+            }
+            *renderer = Renderer::from_prepared(renderer.device(), &scene, settings, prepared)?;
+        }
+        self.scene = scene;
+        Ok(())
     }
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use super::exposure::{self, Exposed, Exposure};
 use super::feasible;
 use super::iterations::{Abandons, End, Iterations};
 use super::ready::Ready;
@@ -19,7 +20,7 @@ use crate::image::layers::Layers;
 use crate::image::response_film::ResponseFilm;
 use crate::input::experiment::Experiment;
 use crate::render::Renderer;
-use crate::render::schedule::{Schedule, budget_of};
+use crate::render::schedule::Schedule;
 use crate::settings::Budget;
 use crate::settings::shard::Shard;
 
@@ -27,6 +28,9 @@ use crate::settings::shard::Shard;
 pub struct ReadyJob {
     #[doc(hidden)]
     pub ready: Ready,
+    /// The moments that the render shows; `None` if it shows a single one.
+    #[doc(hidden)]
+    pub exposure: Option<Exposure>,
     #[doc(hidden)]
     pub layers: Layers,
     #[doc(hidden)]
@@ -115,7 +119,7 @@ impl ReadyJob {
     #[doc(hidden)]
     pub fn continue_sums(&mut self, mut sums: SumFiles, shard: Shard) -> Result<Option<(String, Option<String>)>> {
         let Ready { renderer, settings, .. } = &mut self.ready;
-        let lines = sums.resume(renderer, &mut self.layers, settings, shard)?;
+        let lines = sums.resume(renderer, &mut self.layers, settings, shard, exposure::lengths(&self.config.input))?;
         (self.sums, self.shard) = (sums, shard);
         Ok(lines)
     }
@@ -147,19 +151,31 @@ impl ReadyJob {
     ) -> Result<End> {
         let (started, earlier) = (Instant::now(), self.elapsed);
         let before = self.sums.before().seconds;
-        let ReadyJob { ready: Ready { renderer, settings, .. }, layers, sums, shard, .. } = self;
-        let (budget, own_budget) = (settings.budget(), budget_of(*shard, settings.budget()));
-        let schedule = Schedule::Budget { budget, shard: *shard, before: before + earlier.as_secs_f64() };
-        let iterations = Iterations { schedule, strict: self.strict, stop, abandons };
-        let end = iterations.run(renderer, |renderer, elapsed| {
+        let ReadyJob { ready, exposure, layers, sums, shard, config, strict, .. } = self;
+        let (budget, lengths) = (ready.settings.budget(), exposure::lengths(&config.input));
+        let own_budget = lengths.budget_of(*shard, budget);
+        let schedule = Schedule::Budget { budget, shard: *shard, before: before + earlier.as_secs_f64(), lengths };
+        let iterations = Iterations { schedule, strict: *strict, stop, abandons };
+        let watch = |renderer: &Renderer, elapsed: Duration| {
             let elapsed = earlier + elapsed;
             let seconds = before + elapsed.as_secs_f64();
             let not_written = sums.update(renderer, layers, seconds).err();
             let progress = Progress::new(&own_budget, renderer.rendered().samples, seconds);
             watch(Step { renderer, progress, elapsed, not_written });
-        });
+        };
+        let end = match exposure {
+            Some(exposure) => iterations.run(&mut Exposed { exposure, ready }, watch),
+            None => iterations.run(&mut ready.renderer, watch),
+        };
         self.elapsed = earlier + started.elapsed();
         end
+    }
+
+    /// Frees what only a later job needs.
+    #[doc(hidden)]
+    pub fn no_job_follows(&mut self) {
+        // The shutter needs it for other moments.
+        self.ready.prepared.take_if(|_| self.exposure.is_none());
     }
 
     /// Writes the file of the checkpoint, if there is one and the film has samples.

@@ -19,6 +19,7 @@ use crate::input::resolve::Resolved;
 use crate::input::scan_table::ScanTable;
 use crate::scan::{Measurement, PreparedScan, check_memory, scene_at};
 use crate::settings::aov::Aov;
+use crate::settings::table::InputTable;
 use crate::settings::{Sampling, Settings};
 
 /// The scan of a [`Job`] whose scene is on a device. It is measured point by point of the laser.
@@ -48,6 +49,13 @@ impl ReadyScan {
         let Some(table) = job.experiment.scan.clone() else {
             return Err(Error::settings("this experiment is no scan, because it has no table [scan]"));
         };
+        let InputTable { shutter, rolling, .. } = &job.experiment.input;
+        if shutter.is_some() || rolling.is_some() {
+            return Err(Error::advice(
+                "a scan has no shutter: each shot takes an instant; ",
+                "leave out --shutter and --rolling, and give the scan a duration and a trajectory if the LiDAR moves",
+            ));
+        }
         let scan = table.scan().map_err(Error::settings)?;
         job.resolved.settings = job.resolved.settings.change().sampling(Sampling::Uniform).build()?;
         let (config, mut warnings) = (job.config().to_toml(), job.warnings());

@@ -7,6 +7,7 @@ use super::sums::{Checkpoint, Earlier, Identity};
 use crate::error::Result;
 use crate::image::layers::Layers;
 use crate::render::Renderer;
+use crate::render::schedule::Lengths;
 use crate::settings::shard::Shard;
 use crate::settings::{Sampling, Settings};
 
@@ -80,10 +81,11 @@ impl SumFiles {
         layers: &mut Layers,
         settings: &Settings,
         shard: Shard,
+        lengths: Lengths,
     ) -> Result<Option<(String, Option<String>)>> {
         let Some(mut earlier) = self.earlier.take() else { return Ok(None) };
         layers.add_missing(take(&mut earlier.sums.layers));
-        let lines = (earlier.describe(), earlier.note(shard, settings.sampling() == Sampling::Adaptive));
+        let lines = (earlier.describe(), earlier.note(shard, settings.sampling() == Sampling::Adaptive, lengths));
         renderer.resume(earlier.sums)?;
         Ok(Some(lines))
     }

@@ -11,7 +11,7 @@ use crate::image::fingerprint;
 use crate::image::layers::Layers;
 use crate::input::experiment::Experiment;
 use crate::render::Renderer;
-use crate::render::schedule::{iterations_of, samples_in};
+use crate::render::schedule::Lengths;
 use crate::scene::gltf;
 use crate::settings::shard::Shard;
 use crate::settings::{Budget, Settings};
@@ -159,10 +159,11 @@ impl Earlier {
         )
     }
 
-    /// A note if the image will differ from that of a render that was never interrupted.
-    pub fn note(&self, shard: Shard, is_adaptive: bool) -> Option<String> {
+    /// A note if the image will differ from that of a render that was never interrupted. `lengths`: those of the iterations.
+    pub fn note(&self, shard: Shard, is_adaptive: bool, lengths: Lengths) -> Option<String> {
         let About { samples_per_pixel, iterations, shards, .. } = &self.sums.about;
-        let is_complete = iterations.iter().map(|i| u64::from(samples_in(i))).sum::<u64>() == *samples_per_pixel;
+        let is_complete =
+            iterations.iter().map(|i| u64::from(lengths.samples_in(i))).sum::<u64>() == *samples_per_pixel;
         let has_gap = shard.is_all() && iterations.gap().is_some();
         let reason = match (is_complete, has_gap || shards.len() > 1) {
             _ if is_adaptive && self.sums.adaptive.is_none() => "it lacks the state of adaptive sampling",
@@ -177,10 +178,10 @@ impl Earlier {
     }
 }
 
-/// A note if a render with this budget has no iteration for the shard.
-pub fn empty_shard(shard: Shard, budget: &Budget) -> Option<String> {
+/// A note if a render with this budget, and with iterations of these lengths, has no iteration for the shard.
+pub fn empty_shard(shard: Shard, budget: &Budget, lengths: Lengths) -> Option<String> {
     let Budget::Spp(spp) = *budget else { return None };
-    let iterations = iterations_of(spp);
+    let iterations = lengths.iterations_of(spp);
     (shard.index() >= iterations).then(|| {
         format!(
             "shard {shard} has no iteration of a render of {spp} samples per pixel; use at most {iterations} shards"

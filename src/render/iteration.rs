@@ -1,18 +1,21 @@
 //! One iteration: Algorithm 1 of the paper.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use super::Renderer;
 use super::contribution::Contribution;
 use super::light_phase::{Beside, Progress};
+use super::parts::Part;
 use super::plan::{Iteration, Observe};
+use super::responses::Arrival;
 use super::samples::{Allocation, SampleCounts};
 use super::schedule::{Following, Planned};
 use super::sensor::Tiles;
 use super::stats::{Stats, stage};
 use super::sums::{Image, Sums};
-use super::{Renderer, ResponseSums};
 use crate::error::{Error, Result};
 #[cfg(doc)]
 use crate::image::film::Film;
@@ -34,6 +37,13 @@ impl Renderer {
     /// anew instead, see [`Renderer::iterate`].
     #[doc(hidden)]
     pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
+        self.iterate_rows(samples, 0..self.plan.crop.height(), stop)
+    }
+
+    /// As [`Renderer::iterate_unless`], for some rows of the image. `rows`: those of the crop, from 0. The calls of an iteration take the
+    /// rows from top to bottom. Between two calls, [`Renderer::pause`] lets the scene change. Without all its rows, an iteration is not part of
+    /// the film; [`Renderer::abandon`] gives it up.
+    pub(crate) fn iterate_rows(&mut self, samples: u32, rows: Range<u32>, stop: &Arc<AtomicBool>) -> Result<bool> {
         let max = self.plan.max_samples();
         if !(1..=max).contains(&samples) {
             return Err(Error::advice(
@@ -41,38 +51,49 @@ impl Renderer {
                 "render more iterations instead",
             ));
         }
-        if self.plan.dark {
-            self.add_black_iteration(samples);
-            return Ok(true);
+        if rows.start == 0 {
+            self.begin(samples);
         }
-        // Counts of a part of an iteration would contradict each other.
-        let before = self.stats.clone();
-        let done = self.render_iteration(samples, stop, &mut |_| {});
-        if !matches!(done, Ok(true)) {
-            self.stats = before;
-            if self.responses.as_mut().is_some_and(|responses| !responses.restore()) {
-                self.clear();
+        let whole = self.plan.crop;
+        self.plan.set_crop(whole.rows(rows.clone()));
+        let done = match self.plan.dark {
+            true => Ok(Some(self.black_part(samples))),
+            false => self.render_part(samples, rows.start * whole.width(), stop, &mut |_| {}),
+        };
+        self.plan.set_crop(whole);
+        match done {
+            Ok(Some(part)) => {
+                self.add_part(part, rows.end == whole.height());
+                Ok(true)
+            }
+            other => {
+                self.abandon();
+                other.map(|_| false)
             }
         }
-        done
     }
 
     /// Renders one iteration of a plan that observes times or strategies, and calls `visit` with each contribution. The film does not
     /// change.
     pub(super) fn observe(&mut self, samples: u32, visit: &mut impl FnMut(Contribution)) -> Result<()> {
-        self.render_iteration(samples, &Arc::default(), visit).map(drop)
+        self.begin(samples);
+        if let Some(part) = self.render_part(samples, 0, &Arc::default(), visit)? {
+            self.add_part(part, true);
+        }
+        Ok(())
     }
 
-    /// Algorithm 1. Returns false if it gave up because of `stop`. Then, and after an error, a part of the iteration may be in the
-    /// statistics and in the images of several responses. `visit`: see [`Renderer::observe`].
-    fn render_iteration(
+    /// Algorithm 1 for the pixels of the plan's crop. Returns `None` if it gave up because of `stop`. Then, and after an error, a part of the
+    /// iteration may be in the statistics and in the images of several responses. `offset`: index of the first pixel in the whole crop.
+    /// `visit`: see [`Renderer::observe`].
+    fn render_part(
         &mut self,
         samples: u32,
+        offset: u32,
         stop: &Arc<AtomicBool>,
         visit: &mut impl FnMut(Contribution),
-    ) -> Result<bool> {
+    ) -> Result<Option<Part>> {
         let (iteration, observe, waits) = (self.next_iteration(samples), self.plan.observe, self.device.waits());
-        let counts = self.sample_counts(samples);
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
 
         // Phases 1 and 2: light tracing, hierarchy construction. New vertices that the sensor sees add to the image (t = 1).
@@ -88,15 +109,17 @@ impl Renderer {
                 Observe::Nothing => splat.add_to(&mut image),
                 Observe::Responses => {
                     splat.add_to(&mut image);
-                    splats.push(splat.arrival());
+                    let Arrival { pixel, tau, rgb } = splat.arrival();
+                    splats.push(Arrival { pixel: offset + pixel, tau, rgb });
                 }
                 Observe::Times | Observe::Strategies => visit(splat),
             }
         }
         if stop.load(Ordering::Relaxed) {
-            return Ok(false);
+            return Ok(None);
         }
 
+        let counts = &self.begun.as_ref().expect("an iteration has begun").counts;
         let (works_beside, next) = (self.in_flight() > 1, self.light_ahead(counts.max()));
         let Renderer { plan, scene, light, ahead, sensor, sums, counts_ahead, responses, stats, .. } = self;
         let found = std::thread::scope(|scope| -> Result<Option<_>> {
@@ -110,12 +133,12 @@ impl Renderer {
 
             // Phase 3: sensor tracing, light-cone shell queries and connections, tile by tile.
             if let Some(responses) = responses {
-                stats.timed(stage::SORT_ARRIVALS, || responses.begin(splats, samples));
+                stats.timed(stage::SORT_ARRIVALS, || responses.set_splats(splats));
             }
             let sensor = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
             sensor.begin(stop);
-            let mut tiles =
-                stats.timed(stage::RECORD, || Tiles::new(plan.crop, &|pixel| plan.sensor_samples(counts.of(pixel))));
+            let count = |pixel| plan.sensor_samples(counts.of(offset + pixel));
+            let mut tiles = stats.timed(stage::RECORD, || Tiles::new(plan.crop, &count));
             stats.timed(stage::WAIT_FOR_LIGHT, || Beside::wait(&beside, Progress::Traced));
             while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(sensor.tile_size())) {
                 let mut subpaths = sensor.start(plan, tile, &pool, stats)?;
@@ -134,12 +157,13 @@ impl Renderer {
                 let Some(found) = subpaths.resolve(is_last)? else { return Ok(None) };
                 found.contributions.into_iter().flatten().for_each(&mut *visit);
                 if let Some(responses) = responses {
-                    stats.timed(stage::SORT_ARRIVALS, || responses.add(&tile.crop_pixels(plan.crop), &found.arrivals));
+                    let pixels: Vec<u32> =
+                        tile.crop_pixels(plan.crop).into_iter().map(|pixel| offset + pixel).collect();
+                    stats.timed(stage::SORT_ARRIVALS, || responses.add(&pixels, &found.arrivals));
                 }
             }
 
             let (seen, merged) = sensor.film(image.len() / 3, stats)?;
-            let total = responses.as_mut().map(ResponseSums::end);
             // An error of the next iteration's light shows in that iteration, which traces it again.
             *ahead = stats.timed(stage::WAIT_FOR_LIGHT, || beside.and_then(|beside| beside.end().ok()));
             if let Some(film) = film {
@@ -148,22 +172,15 @@ impl Renderer {
                 *counts_ahead = samples_of_next.zip(counts);
                 stats.add_part(&of_film);
             }
-            Ok(Some((Image { splats: image, seen, total, counts, samples }, merged)))
+            Ok(Some(Part { splats: image, seen, merged }))
         })?;
-        let Some((image, merged)) = found else { return Ok(false) };
-
-        let max = image.counts.max();
-        if !observe.has_strategies() {
-            self.add_image(image);
-        }
         self.stats.waits += self.device.waits() - waits;
         self.stats.device_bytes = self.stats.device_bytes.max(self.device.bytes_in_use());
-        self.finish_iteration(max, merged);
-        Ok(true)
+        Ok(found)
     }
 
     /// Samples per pixel of the iteration, which has `samples` on average.
-    fn sample_counts(&mut self, samples: u32) -> SampleCounts {
+    pub(super) fn sample_counts(&mut self, samples: u32) -> SampleCounts {
         match self.counts_ahead.take() {
             Some((of_ahead, counts)) if of_ahead == samples => counts,
             _ if !self.plan.adaptive => SampleCounts::Uniform(samples),
@@ -178,7 +195,7 @@ impl Renderer {
     }
 
     /// Gives the image of the iteration to the film, which adds it now or beside the next iteration.
-    fn add_image(&mut self, image: Image) {
+    pub(super) fn add_image(&mut self, image: Image) {
         self.sums.put(image);
         if self.in_flight() == 1 {
             self.stats.timed(stage::ADD_TO_FILM, || _ = self.sums.get());
@@ -193,23 +210,12 @@ impl Renderer {
     fn light_ahead(&self, max: u32) -> Option<Iteration> {
         let (Following::Iteration(next) | Following::Perhaps(next)) = self.following else { return None };
         let Planned { number, samples, after_gap } = next;
-        let first_sample = if after_gap { self.first_sample_after_gap(number) } else { self.first_sample + max };
+        let first_sample = after_gap.map_or(self.first_sample + max, |before| self.first_sample_after_gap(before));
         (self.in_flight() > 1).then_some(Iteration { number, first_sample, samples })
     }
 
     pub(super) fn next_iteration(&self, samples: u32) -> Iteration {
         Iteration { number: self.next, first_sample: self.first_sample, samples }
-    }
-
-    /// Adds an iteration without tracing it: no light can arrive inside the gate, so all its samples are black.
-    fn add_black_iteration(&mut self, samples: u32) {
-        self.sums.get_mut().film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
-        if let Some(responses) = &mut self.responses {
-            responses.begin(vec![], samples);
-            responses.end();
-        }
-        self.stats.samples += self.plan.crop_pixels * u64::from(samples);
-        self.finish_iteration(samples, 0.0);
     }
 
     /// `max`: the maximum number of samples of a pixel in the iteration, without those that stop at thin glass. `merged`: mean luminance of
@@ -256,7 +262,7 @@ mod tests {
         let tuning = Tuning { in_flight: Some(2), ..Tuning::default() };
         let mut renderer = Renderer::with_tuning(&device, &build(Kind::CornellBox), &settings, tuning).unwrap();
         for number in 0..6 {
-            let next = Planned { number: number + 1, samples: 3, after_gap: false };
+            let next = Planned { number: number + 1, samples: 3, after_gap: None };
             renderer.announce(Following::Iteration(next));
             renderer.iterate(if number == 0 { 2 } else { 3 }).unwrap();
             // The first ones follow the iteration just before.

@@ -27,6 +27,8 @@ mod memory;
 mod missing_light;
 mod null_boundary;
 mod oversized;
+mod parts;
+mod pause;
 pub mod phase;
 mod photons;
 mod pinhole_in_fog;
@@ -80,6 +82,7 @@ use light::LightTracer;
 use light_phase::{LightPhase, Lit};
 pub use memory::MemoryPlan;
 pub use missing_light::{MissingLight, missing_light, missing_light_at_any_time};
+use parts::Begun;
 use photons::PhotonTracer;
 pub use plan::Tuning;
 use plan::{Observe, Plan};
@@ -115,6 +118,8 @@ pub struct Renderer {
     /// `None` if there is one response with weight 1 in its gate: its image is the film.
     responses: Option<ResponseSums>,
     stats: Stats,
+    /// The iteration in progress, while not all its rows are rendered.
+    begun: Option<Begun>,
     /// The iterations in the film.
     done: Iterations,
     /// The next iteration, and the sample of the random sequences at which it begins.
@@ -226,6 +231,7 @@ impl Renderer {
             counts_ahead: None,
             responses,
             stats,
+            begun: None,
             done: Iterations::default(),
             next: 0,
             first_sample: 0,

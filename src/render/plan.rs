@@ -356,6 +356,13 @@ impl Plan {
         frame
     }
 
+    /// Renders another part of the image from now on. `crop`: no larger than the one that the plan was made for.
+    pub fn set_crop(&mut self, crop: Crop) {
+        (self.crop, self.crop_pixels) = (crop, u64::from(crop.width()) * u64::from(crop.height()));
+        (self.frame.crop_y, self.frame.crop_height) = (crop.y0, crop.height());
+        (self.frame.crop_x, self.frame.crop_width) = (crop.x0, crop.width());
+    }
+
     /// Maximum number of samples per pixel in one iteration, averaged over the pixels.
     pub fn max_samples(&self) -> u32 {
         if self.camera_kind.aims > 0 && !self.adaptive { MAX_AIMED_SAMPLES } else { MAX_AVERAGE_SAMPLES }

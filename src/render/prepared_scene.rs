@@ -41,6 +41,15 @@ impl PreparedScene {
     /// infinitely far away must not be selected in a gated render, nor with a medium that fills all space. Also fails if a mesh that
     /// bounds a medium is not closed, or if the device cannot render a medium.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<PreparedScene> {
+        PreparedScene::in_space(scene, settings, |camera| RenderSpace::of_camera(scene, camera, settings.emitters()))
+    }
+
+    /// As [`PreparedScene::new`], in the render space that `space` chooses for the camera.
+    pub fn in_space(
+        scene: &Scene,
+        settings: &Settings,
+        space: impl FnOnce(&Camera) -> RenderSpace,
+    ) -> Result<PreparedScene> {
         scene.check()?;
         null_boundary::check(scene)?;
         let Some(camera) = scene.cameras.get(settings.camera()) else {
@@ -52,7 +61,7 @@ impl PreparedScene {
         check_emitters(scene, settings)?;
         memory::check_build(scene)?;
         let albedo = AlbedoTable::shared();
-        let space = RenderSpace::of_camera(scene, camera, settings.emitters());
+        let space = space(camera);
         let geometry = Arc::new(Geometry::new(scene, &space, settings.emitters(), albedo));
         let solids = Arc::new(Solids::new(&geometry));
         let emitters = EmitterSet::new(scene, settings.emitters(), &space, &geometry, &solids);
@@ -98,8 +107,13 @@ impl PreparedScene {
     /// select the same camera and emitters. Returns false and changes nothing if the scene must be prepared again. This is so if other
     /// lights emit, if a light is infinitely far away, or if the render space changes.
     pub fn follow(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
-        scene.check()?;
         let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], settings.emitters());
+        self.follow_in(scene, settings, space)
+    }
+
+    /// As [`PreparedScene::follow`], in this render space.
+    pub fn follow_in(&mut self, scene: &Scene, settings: &Settings, space: RenderSpace) -> Result<bool> {
+        scene.check()?;
         let follows = space == self.space && self.follow_nearby(scene, settings)?;
         if follows {
             self.travel_time_bounds.take();
@@ -142,10 +156,15 @@ impl PreparedScene {
     /// as before, and `settings` must select the same camera and emitters. Make a new renderer afterwards. Returns false and changes nothing
     /// if the render space changes. Also returns false if nothing emits; `self` has changed then.
     pub fn follow_surfaces(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
+        let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], settings.emitters());
+        self.follow_surfaces_in(scene, settings, space)
+    }
+
+    /// As [`PreparedScene::follow_surfaces`], in this render space.
+    pub fn follow_surfaces_in(&mut self, scene: &Scene, settings: &Settings, space: RenderSpace) -> Result<bool> {
         scene.check()?;
         null_boundary::check(scene)?;
         let camera = &scene.cameras[settings.camera()];
-        let space = RenderSpace::of_camera(scene, camera, settings.emitters());
         if space != self.space {
             return Ok(false);
         }
@@ -156,6 +175,11 @@ impl PreparedScene {
         self.aims = space.aims(camera);
         self.travel_time_bounds.take();
         Ok(!self.emitters.table.is_empty())
+    }
+
+    /// The render space of the scene.
+    pub fn space(&self) -> RenderSpace {
+        self.space
     }
 
     /// Bounds on the travel times of paths with at most `max_depth` segments, seen from the camera that the scene was prepared for.

@@ -69,13 +69,23 @@ impl ResponseSums {
         self.film = film;
     }
 
-    /// Begins an iteration with `samples` samples per pixel on average, with the splats of its light subpaths.
-    pub fn begin(&mut self, mut splats: Vec<Arrival>, samples: u32) {
-        splats.par_sort_by_key(|splat| splat.pixel);
-        (self.splats, self.samples) = (splats, samples);
+    /// Goes on in another scene with the same responses.
+    pub fn follow(&mut self, plan: &Plan) {
+        self.weights = Weights::new(&plan.responses, &plan.space);
+    }
+
+    /// Begins an iteration with `samples` samples per pixel on average.
+    pub fn begin(&mut self, samples: u32) {
+        self.samples = samples;
         self.replaced.clear();
         self.total.clear();
         self.total.resize(3 * self.film.pixels(), 0.0);
+    }
+
+    /// Takes the splats of the pixels that are added next.
+    pub fn set_splats(&mut self, mut splats: Vec<Arrival>) {
+        splats.par_sort_by_key(|splat| splat.pixel);
+        self.splats = splats;
     }
 
     /// Adds all light of the `pixels` of a tile: their splats, and `arrivals` from sensor subpaths. Each pixel is added only once per
@@ -241,7 +251,8 @@ mod tests {
 
             for (pixels_per_tile, length_of_part) in [(200, usize::MAX), (64, 100), (7, 1)] {
                 let add_all = |sums: &mut ResponseSums| {
-                    sums.begin(splats().collect(), 3);
+                    sums.begin(3);
+                    sums.set_splats(splats().collect());
                     for (tile, begin) in order.chunks(pixels_per_tile).zip((0..).step_by(pixels_per_tile)) {
                         let all = arrivals(begin, tile);
                         let parts: Vec<Vec<_>> =

@@ -124,7 +124,7 @@ impl Renderer {
         if let Some(responses) = &mut self.responses {
             *responses = ResponseSums::new(&self.plan, responses.film().has_variance());
         }
-        self.done = Iterations::default();
+        (self.done, self.begun) = (Iterations::default(), None);
         (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);
         (self.following, self.ahead, self.counts_ahead) = (Following::Unknown, None, None);
         self.merged = MergedLight::default();

@@ -1,7 +1,7 @@
 //! Renders that go on after an interruption, and shards of a render on several machines.
 
 use super::samples::MAX_SHARE;
-use super::schedule::{Following, Rendered, samples_before};
+use super::schedule::{Following, Rendered};
 use super::{Allocation, Renderer, ResponseSums};
 use crate::error::{Error, Result};
 use crate::image::accumulation::{About, Accumulation, AdaptiveState};
@@ -84,15 +84,16 @@ impl Renderer {
         Ok(())
     }
 
-    /// Makes iteration `number` the next one. Its random numbers are those that it has in the whole render.
+    /// Makes iteration `number` the next one. Its random numbers are those that it has in the whole render, where `before` samples per
+    /// pixel precede it.
     #[doc(hidden)]
-    pub fn go_to(&mut self, number: u32) {
-        (self.next, self.first_sample) = (number, self.first_sample_after_gap(number));
+    pub fn go_to(&mut self, number: u32, before: u32) {
+        (self.next, self.first_sample) = (number, self.first_sample_after_gap(before));
     }
 
-    /// The sample of the random sequences at which iteration `number` begins, if iterations before it may be left out.
-    pub(super) fn first_sample_after_gap(&self, number: u32) -> u32 {
-        let before = samples_before(number) as u32;
+    /// The sample of the random sequences at which an iteration begins, if some of the `before` samples per pixel before it may be left
+    /// out.
+    pub(super) fn first_sample_after_gap(&self, before: u32) -> u32 {
         // With adaptive sampling a pixel may have had this many samples in the iterations before.
         if self.plan.adaptive { MAX_SHARE * before } else { before }
     }

@@ -48,21 +48,64 @@ pub fn iterations_of(spp: u32) -> u32 {
 
 /// Samples per pixel of each iteration of `shard`, in a render with `spp` samples per pixel.
 pub fn lengths(shard: Shard, spp: u64) -> impl Iterator<Item = u32> {
-    let numbers = (shard.index()..).step_by(shard.count() as usize);
-    numbers.map(move |number| samples_up_to(spp, number)).take_while(|&samples| samples > 0)
+    Lengths::Growing.of(shard, spp)
 }
 
-/// The budget of `shard` alone, if all shards together have `budget`.
-pub fn budget_of(shard: Shard, budget: Budget) -> Budget {
-    match budget {
-        Budget::Spp(spp) => Budget::Spp(lengths(shard, spp.into()).sum()),
-        seconds => seconds,
+/// How long the iterations of a render are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lengths {
+    /// As [`samples_in`] says.
+    Growing,
+    /// Equal and short, because each iteration shows one moment of an exposure. Two samples can still be distributed by error.
+    OfMoments,
+}
+
+/// Samples per pixel of an iteration that shows one moment of an exposure.
+const SAMPLES_OF_MOMENT: u32 = 2;
+
+impl Lengths {
+    /// As the function [`samples_in`].
+    pub fn samples_in(self, iteration: u32) -> u32 {
+        match self {
+            Lengths::Growing => samples_in(iteration),
+            Lengths::OfMoments => SAMPLES_OF_MOMENT,
+        }
     }
-}
 
-/// Samples per pixel of iteration `number` in a render with `spp` samples per pixel; 0 if it has no such iteration.
-fn samples_up_to(spp: u64, number: u32) -> u32 {
-    spp.saturating_sub(samples_before(number)).min(samples_in(number).into()) as u32
+    /// As the function [`samples_before`].
+    fn samples_before(self, iteration: u32) -> u64 {
+        match self {
+            Lengths::Growing => samples_before(iteration),
+            Lengths::OfMoments => u64::from(SAMPLES_OF_MOMENT) * u64::from(iteration),
+        }
+    }
+
+    /// As the function [`iterations_of`].
+    pub fn iterations_of(self, spp: u32) -> u32 {
+        match self {
+            Lengths::Growing => iterations_of(spp),
+            Lengths::OfMoments => spp.div_ceil(SAMPLES_OF_MOMENT),
+        }
+    }
+
+    /// As the function [`lengths`].
+    fn of(self, shard: Shard, spp: u64) -> impl Iterator<Item = u32> {
+        let numbers = (shard.index()..).step_by(shard.count() as usize);
+        numbers.map(move |number| self.samples_up_to(spp, number)).take_while(|&samples| samples > 0)
+    }
+
+    /// The budget of `shard` alone, if all shards together have `budget`.
+    pub fn budget_of(self, shard: Shard, budget: Budget) -> Budget {
+        match budget {
+            Budget::Spp(spp) => Budget::Spp(self.of(shard, spp.into()).sum()),
+            seconds => seconds,
+        }
+    }
+
+    /// Samples per pixel of iteration `number` in a render with `spp` samples per pixel; 0 if it has no such iteration.
+    fn samples_up_to(self, spp: u64, number: u32) -> u32 {
+        spp.saturating_sub(self.samples_before(number)).min(self.samples_in(number).into()) as u32
+    }
 }
 
 /// Which iterations a render has, and how many samples each of them has.
@@ -73,8 +116,8 @@ pub enum Schedule {
     ///
     /// A budget of samples may shorten the last iteration. A budget of seconds ends after the iteration whose end is nearest to it. But
     /// the first iteration always runs, and the second one runs unless the time is over. If no light can arrive inside the gate, a
-    /// budget of seconds ends after the two iterations that a variance needs.
-    Budget { budget: Budget, shard: Shard, before: f64 },
+    /// budget of seconds ends after the two iterations that a variance needs. But other moments of an exposure may have light.
+    Budget { budget: Budget, shard: Shard, before: f64, lengths: Lengths },
     /// The iterations `numbers` of a render with `spp` samples per pixel; `None` for a render without an end.
     Part { numbers: Range<u32>, spp: Option<u32> },
     /// A point of a scan with `points` sensor points. All iterations except the last have the same length. A budget of samples limits
@@ -103,8 +146,8 @@ pub struct Planned {
     pub number: u32,
     /// Samples per pixel, at least 1.
     pub samples: u32,
-    /// Whether iterations between it and the one before may be left out.
-    pub after_gap: bool,
+    /// Samples per pixel of all iterations before it in the whole render, if some of them may be left out in this one.
+    pub after_gap: Option<u32>,
 }
 
 /// What comes after an iteration.
@@ -121,23 +164,27 @@ pub enum Following {
 impl Schedule {
     /// The whole render of a budget.
     pub fn whole(budget: Budget) -> Schedule {
-        Schedule::Budget { budget, shard: Shard::ALL, before: 0.0 }
+        Schedule::Budget { budget, shard: Shard::ALL, before: 0.0, lengths: Lengths::Growing }
     }
 
     /// The iteration after `rendered`, after `elapsed` seconds of rendering; `None` at the end.
     pub fn next(&self, rendered: Rendered, elapsed: f64) -> Option<Planned> {
         let Rendered { end, iterations, samples: done, is_dark } = rendered;
         let (number, samples) = match *self {
-            Schedule::Budget { budget: Budget::Seconds(_), .. } if is_dark && iterations >= MIN_ITERATIONS => (end, 0),
-            Schedule::Budget { budget, shard, before } => {
+            Schedule::Budget { budget: Budget::Seconds(_), lengths: Lengths::Growing, .. }
+                if is_dark && iterations >= MIN_ITERATIONS =>
+            {
+                (end, 0)
+            }
+            Schedule::Budget { budget, shard, before, lengths } => {
                 let number = (end..).find(|&number| shard.has(number)).expect("a shard has no last iteration");
                 let samples = match budget {
                     Budget::Spp(spp) if shard.is_all() => {
-                        u64::from(spp).saturating_sub(done).min(samples_in(number).into()) as u32
+                        u64::from(spp).saturating_sub(done).min(lengths.samples_in(number).into()) as u32
                     }
-                    Budget::Spp(spp) => samples_up_to(spp.into(), number),
+                    Budget::Spp(spp) => lengths.samples_up_to(spp.into(), number),
                     Budget::Seconds(seconds) => {
-                        let (elapsed, samples) = (before + elapsed, samples_in(number));
+                        let (elapsed, samples) = (before + elapsed, lengths.samples_in(number));
                         let fits = iterations < MIN_ITERATIONS || ends_nearer(samples, done, elapsed, seconds);
                         if done == 0 || elapsed < seconds && fits { samples } else { 0 }
                     }
@@ -146,7 +193,7 @@ impl Schedule {
             }
             Schedule::Part { ref numbers, spp } => {
                 let number = end.max(numbers.start);
-                let samples = samples_up_to(spp.map_or(u64::MAX, u64::from), number);
+                let samples = Lengths::Growing.samples_up_to(spp.map_or(u64::MAX, u64::from), number);
                 (number, if numbers.contains(&number) { samples } else { 0 })
             }
             Schedule::Scan { budget, points } => (end, scan_samples(budget, points, done, elapsed)),
@@ -156,7 +203,7 @@ impl Schedule {
                 (end, if runs { samples } else { 0 })
             }
         };
-        (samples > 0).then(|| Planned { number, samples, after_gap: self.has_gaps() })
+        (samples > 0).then(|| Planned { number, samples, after_gap: self.samples_before_gap(number) })
     }
 
     /// What comes after the iteration `planned` that follows `rendered`.
@@ -172,12 +219,12 @@ impl Schedule {
         self.next(after, 0.0).map_or(Following::Nothing, following)
     }
 
-    /// Whether iterations may be left out between two of its own.
-    fn has_gaps(&self) -> bool {
+    /// See [`Planned::after_gap`].
+    fn samples_before_gap(&self, number: u32) -> Option<u32> {
         match self {
-            Schedule::Budget { shard, .. } => !shard.is_all(),
-            Schedule::Part { .. } => true,
-            Schedule::Scan { .. } | Schedule::Turn { .. } => false,
+            Schedule::Budget { shard, lengths, .. } => (!shard.is_all()).then(|| lengths.samples_before(number) as u32),
+            Schedule::Part { .. } => Some(samples_before(number) as u32),
+            Schedule::Scan { .. } | Schedule::Turn { .. } => None,
         }
     }
 }

@@ -213,6 +213,12 @@ impl Crop {
     pub fn height(&self) -> u32 {
         self.y1 - self.y0
     }
+
+    /// The part with these rows, counted from its first row.
+    #[doc(hidden)]
+    pub fn rows(&self, rows: std::ops::Range<u32>) -> Crop {
+        Crop { y0: self.y0 + rows.start, y1: self.y0 + rows.end, ..*self }
+    }
 }
 
 impl fmt::Display for Importance {

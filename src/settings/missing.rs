@@ -4,8 +4,8 @@
 /// setting. `None` for all other names.
 pub fn reason(name: &str) -> Option<&'static str> {
     Some(match name {
-        "shutter" | "shutter-open" | "shutter-close" | "shutter-speed" | "exposure-time" | "motion-blur" => {
-            "the shutter is open for an instant, so render several moments with --at and average them (docs/LIMITS.md)"
+        "shutter-open" | "shutter-close" | "shutter-speed" | "exposure-time" | "motion-blur" => {
+            "say from when to when the shutter is open, with --shutter, like 0..20ms"
         }
         "f-number" | "f-stop" | "fstop" | "aperture-radius" | "focus-distance" | "focal-distance" | "lens"
         | "lens-radius" | "depth-of-field" | "dof" => {
@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn no_setting_counts_as_missing() {
-        for name in ["shutter", "f-number", "fisheye", "focal-length", "iso"] {
+        for name in ["shutter-open", "f-number", "fisheye", "focal-length", "iso"] {
             assert!(
                 reason(name).is_some_and(|reason| reason.contains("docs/LIMITS.md") || reason.contains("--")),
                 "{name}"

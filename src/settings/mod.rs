@@ -34,6 +34,7 @@ mod responses;
 pub mod setting;
 #[allow(missing_docs)]
 pub mod shard;
+pub mod shutter;
 #[allow(missing_docs)]
 pub mod sky;
 pub mod table;

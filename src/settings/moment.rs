@@ -25,15 +25,19 @@ impl FromStr for Moment {
 
     /// Parses seconds, `1.5s` or `1.5`, or milliseconds, `1500ms`.
     fn from_str(text: &str) -> Result<Moment> {
-        let (digits, unit) = match text.trim() {
-            text if text.ends_with("ms") => (text.trim_end_matches("ms"), 1e-3),
-            text => (text.strip_suffix('s').unwrap_or(text), 1.0),
-        };
-        let seconds = digits.trim().parse().ok().and_then(|x: f64| Moment::new(x * unit));
-        seconds.ok_or_else(|| {
+        seconds(text).and_then(Moment::new).ok_or_else(|| {
             Error::advice(format!("'{text}' is not a time in an animation; "), "write seconds from 0 on, like 1.5s")
         })
     }
+}
+
+/// The seconds that `text` says, as a number with or without a unit: s, ms or us. `None` if it says none, or if they are not finite.
+pub(super) fn seconds(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let units = [("us", 1e6), ("ms", 1e3), ("s", 1.0)];
+    let with_unit = units.into_iter().find_map(|(unit, per_second)| Some((text.strip_suffix(unit)?, per_second)));
+    let (digits, per_second) = with_unit.unwrap_or((text, 1.0));
+    digits.trim().parse().ok().map(|x: f64| x / per_second).filter(|seconds| seconds.is_finite())
 }
 
 /// Prints text that parses to the same time.

@@ -22,6 +22,7 @@ mod regressions;
 mod remembered;
 mod scan;
 mod scenes;
+mod shutter;
 mod sums;
 mod tev;
 mod texels;

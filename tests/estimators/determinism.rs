@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::cells::{is_long, renderer, settings, tuned};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::job::iterations::begin;
-use taugate::internals::render::schedule::{Following, Planned, Schedule};
+use taugate::internals::render::schedule::{Following, Lengths, Planned, Schedule, samples_before};
 use taugate::internals::render::{Renderer, Tuning};
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::shard::Shard;
@@ -195,9 +195,11 @@ fn an_iteration_is_announced_when_the_one_before_begins() {
     let mut renderer = renderer(&build(Kind::CornellBox), &settings);
     let shard = Shard::new(1, 2).unwrap();
     let (mut announced, mut iterations) = (vec![], vec![]);
-    let schedule = Schedule::Budget { budget: Budget::Spp(21), shard, before: 0.0 };
+    let schedule = Schedule::Budget { budget: Budget::Spp(21), shard, before: 0.0, lengths: Lengths::Growing };
     while let Some(samples) = begin(&mut renderer, &schedule, Duration::ZERO) {
-        iterations.push(Following::Iteration(Planned { number: renderer.rendered().end, samples, after_gap: true }));
+        let number = renderer.rendered().end;
+        let after_gap = Some(samples_before(number) as u32);
+        iterations.push(Following::Iteration(Planned { number, samples, after_gap }));
         announced.push(renderer.following());
         renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(renderer.following(), Following::Unknown, "an iteration without an announcement");

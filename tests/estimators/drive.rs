@@ -43,7 +43,7 @@ fn result(drive: Drive, scene: &Scene, settings: &Settings, tile: Option<usize>)
     let device = open(drive);
     let mut renderer = renderer(&device, scene, settings, tile);
     for (samples, next) in SAMPLES.into_iter().zip([1, 2, 3]) {
-        let planned = |&samples: &u32| Following::Iteration(Planned { number: next, samples, after_gap: false });
+        let planned = |&samples: &u32| Following::Iteration(Planned { number: next, samples, after_gap: None });
         renderer.announce(SAMPLES.get(next as usize).map_or(Following::Nothing, planned));
         renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
     }

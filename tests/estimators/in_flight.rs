@@ -15,7 +15,7 @@ use taugate::internals::gpu::Drive;
 use taugate::internals::image::accumulation::{About, Accumulation, file};
 use taugate::internals::image::layers::Layers;
 use taugate::internals::job::iterations::begin;
-use taugate::internals::render::schedule::{Following, Planned, Schedule};
+use taugate::internals::render::schedule::{Following, Lengths, Planned, Schedule};
 use taugate::internals::render::{Renderer, Tuning};
 use taugate::internals::scene::{Medium, Scene};
 use taugate::internals::settings::gates::Gates;
@@ -68,7 +68,12 @@ fn the_image_and_the_counts_do_not_depend_on_the_number_in_flight() {
     let gates = || of(Estimator::Lcs).responses(Gates::new(GATE, 20).unwrap());
     // Adaptive samples are chosen beside another iteration from the fourth one on.
     let whole = Schedule::whole(Budget::Spp(11));
-    let shard = Schedule::Budget { budget: Budget::Spp(24), shard: Shard::new(1, 2).unwrap(), before: 0.0 };
+    let shard = Schedule::Budget {
+        budget: Budget::Spp(24),
+        shard: Shard::new(1, 2).unwrap(),
+        before: 0.0,
+        lengths: Lengths::Growing,
+    };
     let cases = [
         (&room, of(Estimator::Lcs), &whole),
         (&room, of(Estimator::LcsPaper).sampling(Sampling::Uniform), &shard),
@@ -120,7 +125,7 @@ fn light_of_another_iteration_is_not_used() {
         renderer.announce(Following::Perhaps(next));
         renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
     };
-    let after = |number, samples| Planned { number, samples, after_gap: false };
+    let after = |number, samples| Planned { number, samples, after_gap: None };
     let [expected, found] = renderers.each_mut().map(|renderer| {
         // Fewer samples than announced, then another iteration, then another gate and another seed.
         step(renderer, 2, after(1, 4));

@@ -35,6 +35,7 @@ mod rough_glass;
 mod sampling;
 mod scan;
 mod shared_scenes;
+mod shutter;
 mod sky;
 mod sphere;
 mod strategies;

@@ -6,8 +6,9 @@ use std::process::ExitCode;
 
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::job::exposure::Exposure;
 use taugate::internals::job::frames::{self, Frames, Outcome};
-use taugate::internals::job::read;
+use taugate::internals::job::{Job, read};
 use taugate::{Error, Result};
 
 use super::outputs::check_pictures;
@@ -27,6 +28,14 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
     session.interrupts.end_the_process_at(Interrupt::First);
     let notes = sequence.choose_for_all(read::scene)?;
     notes.iter().for_each(|note| session.say(format!("note: {note}")));
+    // The shutter must not be open beyond the end, either.
+    if let Some(last) = sequence.frames().next_back().map(|last| sequence.frame(last))
+        && last.input.shutter.is_some()
+    {
+        let scene = read::scene(&last)?;
+        let job = Job::new(last, scene)?;
+        Exposure::new(&job.config(), job.settings(), job.scene())?;
+    }
     let sequence = &sequence;
     session.is_sequence = true;
     let count = sequence.own_frames().count();

@@ -31,7 +31,8 @@ fn lengths(spp: u32) -> Vec<u32> {
 
 /// Samples of the next iteration of `shard` in a render of `seconds`, after `elapsed` seconds.
 fn timed(seconds: f64, shard: Shard, [end, iterations]: [u32; 2], samples: u64, elapsed: f64) -> u32 {
-    let schedule = Schedule::Budget { budget: Budget::Seconds(seconds), shard, before: 0.25 * elapsed };
+    let schedule =
+        Schedule::Budget { budget: Budget::Seconds(seconds), shard, before: 0.25 * elapsed, lengths: Lengths::Growing };
     let rendered = Rendered { end, iterations, samples, is_dark: false };
     let next = schedule.next(rendered, 0.75 * elapsed);
     let may_follow = |next| matches!(schedule.following(rendered, next), Following::Perhaps(_) | Following::Nothing);
@@ -72,13 +73,37 @@ fn shards_share_the_iterations_of_the_whole_render() {
         let mut all = vec![0; whole.len()];
         for index in 0..count {
             let shard = Shard::new(index, count).unwrap();
-            let own = planned(&Schedule::Budget { budget: Budget::Spp(spp), shard, before: 0.0 });
+            let own =
+                planned(&Schedule::Budget { budget: Budget::Spp(spp), shard, before: 0.0, lengths: Lengths::Growing });
             own.iter().for_each(|planned| all[planned.number as usize] = planned.samples);
             let samples = own.iter().map(|planned| planned.samples);
             assert!(samples.eq(super::lengths(shard, spp.into())), "{spp} samples, shard {shard}");
         }
         assert_eq!(all, whole, "{spp} samples");
     }
+}
+
+#[test]
+fn moments_of_an_exposure_have_equal_weights() {
+    let lengths = Lengths::OfMoments;
+    let schedule = |spp, shard| Schedule::Budget { budget: Budget::Spp(spp), shard, before: 0.0, lengths };
+    let whole = planned(&schedule(41, Shard::ALL));
+    assert!(whole.iter().map(|planned| planned.samples).eq([vec![2; 20], vec![1]].concat()));
+    assert_eq!(whole.len() as u32, lengths.iterations_of(41));
+    let mut all = vec![];
+    for index in 0..3 {
+        let shard = Shard::new(index, 3).unwrap();
+        let own = planned(&schedule(41, shard));
+        assert!(own.iter().all(|planned| planned.after_gap == Some(2 * planned.number)));
+        assert_eq!(lengths.budget_of(shard, Budget::Spp(41)), Budget::Spp(own.iter().map(|own| own.samples).sum()));
+        all.extend(own.iter().map(|planned| (planned.number, planned.samples)));
+    }
+    all.sort_unstable();
+    assert!(all.into_iter().eq(whole.iter().map(|planned| (planned.number, planned.samples))));
+    // Another moment may have light.
+    let dark = Rendered { end: 5, iterations: 5, samples: 10, is_dark: true };
+    let schedule = Schedule::Budget { budget: Budget::Seconds(9.0), shard: Shard::ALL, before: 0.0, lengths };
+    assert_eq!(schedule.next(dark, 1.0).map(|planned| planned.samples), Some(2));
 }
 
 /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The film joins

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use crate::settings::lens::{ApertureDiameter, Focus, LensDistortion, VignettingChoice};
 use crate::settings::moment::Moment;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
-use crate::settings::setting::Taker::{Page, View};
+use crate::settings::setting::Taker::{Info, Page, View};
 use crate::settings::setting::{Form, Setting, table};
+use crate::settings::shutter::{LineTime, Shutter};
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::values::{Folders, Resolution};
 use crate::settings::{Crop, Emitters, ThinGlass};
@@ -117,6 +118,14 @@ table! {
         /// in the file
         at: Moment, Setting::scene("at", "TIME").form(Form::Signed);
 
+        /// When the shutter is open, in time of the animations after --at or after the frame's time, such as 0..20ms; what moves
+        /// meanwhile is blurred [default: for an instant]
+        shutter: Shutter, Setting::scene("shutter", "A..B").form(Form::Signed).except(View).except(Info);
+
+        /// Rolling shutter: each row of the image is exposed later than the row above by this time, such as 20us [default: all rows
+        /// at once]
+        rolling: LineTime, Setting::scene("rolling", "TIME").except(View).except(Info);
+
         /// Name of the animation to play; NAME#2 is the second animation of this name; none: no animation [default: all of them
         /// together]
         animation: String, Setting::scene("animation", "NAME");
@@ -127,5 +136,11 @@ impl InputTable {
     /// The folders of `allow-path`; empty if the user gave none.
     pub fn allowed(&self) -> Vec<PathBuf> {
         self.allow_path.clone().map_or(vec![], |folders| folders.0)
+    }
+
+    /// The time of the pose in seconds: with a shutter the middle of its exposure, of the first row. `None`: that of the file.
+    pub fn moment(&self) -> Option<f64> {
+        let at = self.at.map(|Moment(at)| at);
+        self.shutter.map_or(at, |shutter| Some((at.unwrap_or(0.0) + shutter.middle()).max(0.0)))
     }
 }

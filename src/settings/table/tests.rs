@@ -33,6 +33,8 @@ impl Visitor for Fill {
             "3m",
             "0=1m..2m",
             "0..2",
+            "0..2ms",
+            "2us",
             "pt",
             "hg",
             "box",

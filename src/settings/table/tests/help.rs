@@ -82,6 +82,8 @@ const DESCRIBED: &[&str] = &[
     "vignetting",
     "headlamp",
     "animation",
+    "shutter",
+    "rolling",
     "grid-filter",
     "grid-transform",
     "medium-bounds",

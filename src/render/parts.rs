@@ -1,0 +1,81 @@
+//! An iteration in parts: rows of the image that show the scene at different moments. Most iterations have one part.
+
+use super::Renderer;
+use super::responses::ResponseSums;
+use super::samples::SampleCounts;
+use super::stats::Stats;
+use super::sums::Image;
+
+/// The image of some rows.
+pub struct Part {
+    /// As [`Image::splats`] and [`Image::seen`].
+    pub splats: Vec<f32>,
+    pub seen: Vec<[f32; 4]>,
+    /// Mean luminance of the merged light.
+    pub merged: f64,
+}
+
+/// An iteration that is not complete.
+pub struct Begun {
+    /// The statistics before it. Counts of a part of an iteration would contradict each other.
+    before: Stats,
+    pub counts: SampleCounts,
+    /// Samples per pixel, averaged over the pixels.
+    samples: u32,
+    /// The rows so far.
+    splats: Vec<f32>,
+    seen: Vec<[f32; 4]>,
+    /// The share of these rows in the mean luminance of the merged light.
+    merged: f64,
+}
+
+impl Renderer {
+    /// Begins an iteration with `samples` samples per pixel, on average.
+    pub(super) fn begin(&mut self, samples: u32) {
+        let before = self.stats.clone();
+        let counts = self.sample_counts(samples);
+        if let Some(responses) = &mut self.responses {
+            responses.begin(samples);
+        }
+        self.begun = Some(Begun { before, counts, samples, splats: vec![], seen: vec![], merged: 0.0 });
+    }
+
+    /// Rows that no light can reach inside the gate.
+    pub(super) fn black_part(&mut self, samples: u32) -> Part {
+        let pixels = self.plan.crop_pixels as usize;
+        self.stats.samples += pixels as u64 * u64::from(samples);
+        Part { splats: vec![0.0; 3 * pixels], seen: vec![[0.0; 4]; pixels], merged: 0.0 }
+    }
+
+    /// Adds the next rows to the iteration. After the last ones, the iteration becomes part of the film.
+    pub(super) fn add_part(&mut self, part: Part, is_last: bool) {
+        let mut begun = self.begun.take().expect("an iteration has begun");
+        begun.merged += part.merged * (part.seen.len() as f64 / self.plan.crop_pixels as f64);
+        if begun.seen.is_empty() {
+            (begun.splats, begun.seen) = (part.splats, part.seen);
+        } else {
+            begun.splats.extend(part.splats);
+            begun.seen.extend(part.seen);
+        }
+        if !is_last {
+            self.begun = Some(begun);
+            return;
+        }
+        let Begun { counts, samples, splats, seen, merged, .. } = begun;
+        let max = counts.max();
+        let total = self.responses.as_mut().map(ResponseSums::end);
+        if !self.plan.observe.has_strategies() {
+            self.add_image(Image { splats, seen, total, counts, samples });
+        }
+        self.finish_iteration(max, merged);
+    }
+
+    /// Gives up an iteration that is not complete. A render of several responses may have to begin anew, see [`Renderer::iterate`].
+    pub(crate) fn abandon(&mut self) {
+        let Some(begun) = self.begun.take() else { return };
+        self.stats = begun.before;
+        if self.responses.as_mut().is_some_and(|responses| !responses.restore()) {
+            self.clear();
+        }
+    }
+}
