@@ -47,10 +47,14 @@ fog=(--headlamp 20 --headlamp-offset 0.3,0.2,0 --emitters headlamp --visibility 
 picture fog-steady "$work/cluttered-room.glb" "${fog[@]}" --estimator lcs
 picture fog-gated "$work/cluttered-room.glb" "${fog[@]}" --gate 8m..8.6m
 
-# The laser and the cloud of GUIDE.
+# The laser, the open shutter and the cloud of GUIDE.
 if [ "$seconds" != 0 ]; then
     "$taugate" render "$pictures/laser.toml" --gate-keys 0=4.6m..4.7m --gate-keys 2=5.8m..5.9m --frames 0..3 --time "${seconds}s" \
         -o "$work/laser.#.exr" --contact-sheet "$pictures/laser.png"
+    street=("$root/scenes/street.glb" --depth 8m..40m --resolution 400x225 --time "${seconds}s" --exposure 1.8 --at 1.5s)
+    "$taugate" render "${street[@]}" -o "$work/still.exr" --png "$work/still.png"
+    "$taugate" render "${street[@]}" --shutter 0..200ms -o "$work/shutter.exr" --png "$work/shutter.png"
+    "$python" "$pictures/sheet.py" "$pictures/shutter.png" 2 "$work/still.png" "$work/shutter.png"
     "$python" "$root/examples/cloud.py" "$work/cloud.npy"
     cloud=("$root/scenes/cornell-box.glb" --density-grid "$work/cloud.npy" --medium-bounds=-0.8,0.8,-0.6,0.8,1.7,0.6 --sigma-s 20
         --phase-g 0.5 --resolution 240x240 --time "${seconds}s")

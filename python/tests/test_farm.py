@@ -256,6 +256,8 @@ gates = "4m..8m/4"
         farm.render(scene, client=None, aov="depth")
     with pytest.raises(taugate.SettingsError, match="leave out strict"):
         farm.render(scene, client=None, strict=True)
+    with pytest.raises(taugate.SettingsError, match="renders a single moment"):
+        farm.render(SCENES / "street.glb", client=None, shutter="0..20ms")
     for wrong in (dict(error=0), dict(error="a lot"), dict(spp=0), dict(spp="64"), dict(time="8"), dict(time=-1)):
         with pytest.raises(taugate.SettingsError, match="above 0|duration"):
             farm.render(scene, client=None, **wrong)

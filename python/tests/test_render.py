@@ -34,6 +34,25 @@ def test_an_image_has_the_bits_of_the_program(box, program, tmp_path):
     assert not np.array_equal(taugate.render(box, gate="6m..7m", spp=4, seed=1).pixels, image.pixels)
 
 
+def test_a_shutter_blurs_what_moves(program, tmp_path):
+    street = taugate.load(SCENES / "street.glb")
+    settings = {"at": 1, "depth": "20m..60m", "spp": 32, "resolution": (32, 18)}
+    image = taugate.render(street, **settings, shutter="0..300ms", rolling="5ms")
+    words = ["--at", 1, "--depth", "20m..60m", "--spp", 32, "--resolution", "32x18", "--shutter", "0..300ms", "--rolling", "5ms"]
+    code, text = program("render", SCENES / "street.glb", *words, "-o", "cli.npy")
+    assert code == 0, text
+    assert np.array_equal(image.pixels, np.load(tmp_path / "cli.npy")) and image.pixels.any()
+    assert not np.array_equal(taugate.render(street, **settings).pixels, image.pixels)
+    with pytest.raises(taugate.SettingsError, match="leave out --shutter"):
+        taugate.render(SCENES / "cornell-box.glb", shutter="0..20ms", spp=1)
+    with pytest.raises(taugate.SettingsError, match="add --shutter"):
+        taugate.render(street, rolling="1ms", spp=1)
+    moved = taugate.load(SCENES / "street.glb", moves=["car"])
+    moved.set_transform("car", moved.transform("car"))
+    with pytest.raises(taugate.SettingsError, match="do not move nodes"):
+        taugate.render(moved, at=1, shutter="0..20ms", spp=1)
+
+
 def test_fireflies_are_damped_beside_the_unbiased_image(box):
     settings = {"gate": "5m..5.1m", "spp": 16, "estimator": "pt"}
     keep, damp = (taugate.render(box, **settings, fireflies=fireflies) for fireflies in ("keep", "damp"))
