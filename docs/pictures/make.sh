@@ -71,7 +71,7 @@ if [ "$seconds" != 0 ]; then
     "$taugate" render "$root/scenes/hidden-letter.toml" --spp 4096 -o "$work/letter.npy"
     "$python" "$root/examples/hidden_letter.py" "$work/letter.npy" "$pictures/letter.png"
     "$taugate" render "$root/scenes/street-turn.toml" -o "$work/turn.npy"
-    "$python" "$root/examples/lidar_points.py" "$work/turn.npy" "$work/turn_points.npy"
+    "$taugate" lidar "$work/turn.npy" -o "$work/turn_points.npy"
     "$python" "$pictures/turn.py" "$work/turn_points.npy" "$pictures/turn.png"
 fi
 sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.##.exr" --gif "$pictures/street.gif"

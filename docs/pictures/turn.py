@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draws the points of a LiDAR on a car, seen from behind and above it: turn.py POINTS.npy OUT.png
 
-The points are those of examples/lidar_points.py. Their colour goes from blue, the first shots, to orange, the last ones; brightness is that
+The points are those of taugate lidar. Their colour goes from blue, the first shots, to orange, the last ones; brightness is that
 of the surface. Needs numpy and Pillow.
 """
 

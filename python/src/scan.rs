@@ -29,7 +29,7 @@ pub fn scan<'py>(
     flags: Vec<Words>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Option<Arrays<'py>>, Vec<String>, Option<PyErr>)> {
-    let result = py.detach(|| run(scene.job(&flags)?, progress.as_ref()));
+    let result = py.detach(|| run(scene.scan_job(&flags)?, progress.as_ref()));
     engine::forget_lost();
     let Measured { arrays, warnings, interrupt } = result?;
     let arrays = arrays.map(|(ScanArrays { shape, means, variances }, description)| {

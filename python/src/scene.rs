@@ -248,6 +248,19 @@ impl NativeScene {
         Ok(Some(fingerprint::of_files(&files(experiment))?))
     }
 
+    /// As [`NativeScene::job`], for a scan. Fails if its objects follow the animations of the file and were moved, too.
+    pub fn scan_job(&self, flags: &[Words]) -> Result<Job> {
+        let (job, was_moved) = (self.job(flags)?, !self.state()?.moved.is_empty());
+        let Experiment { input, scan, .. } = &job.experiment;
+        let has_times = scan.as_ref().is_some_and(|scan| scan.scan().is_ok_and(|scan| scan.times.is_some()));
+        match was_moved && input.at.is_some() && has_times {
+            true => Err(settings(
+                "during this scan, nodes follow the animations of the file; leave out at or duration, or do not move nodes",
+            )),
+            false => Ok(job),
+        }
+    }
+
     /// The render with these flags, with all settings resolved.
     pub fn job(&self, flags: &[Words]) -> Result<Job> {
         self.state()?.job(flags)

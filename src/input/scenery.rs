@@ -29,12 +29,7 @@ use crate::settings::ThinGlass;
 /// light, a medium or the scan is not valid, or if a name is unknown.
 pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<String>> {
     let mut notes = vec![];
-    if experiment.input.double_sided == Some(true) {
-        scene.materials.iter_mut().for_each(|material| material.double_sided = true);
-    }
-    if let Some(choice @ (ThinGlass::All | ThinGlass::None)) = experiment.input.thin_glass {
-        scene.materials.iter_mut().for_each(|material| material.thin = Some(choice == ThinGlass::All));
-    }
+    apply_to_surfaces(experiment, scene);
     medium::apply(&experiment.medium, scene)?;
     if let Some(table) = experiment.scan.clone() {
         scan::apply(&table, experiment, scene)?;
@@ -43,6 +38,16 @@ pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<Strin
     let camera = camera::apply(&mut experiment.camera, scene, &mut notes)?;
     lights::apply(experiment, scene, camera, &mut notes)?;
     Ok(notes)
+}
+
+/// Makes all surfaces double-sided, or all glass thin or solid, if the user wants that.
+pub fn apply_to_surfaces(experiment: &Experiment, scene: &mut Scene) {
+    if experiment.input.double_sided == Some(true) {
+        scene.materials.iter_mut().for_each(|material| material.double_sided = true);
+    }
+    if let Some(choice @ (ThinGlass::All | ThinGlass::None)) = experiment.input.thin_glass {
+        scene.materials.iter_mut().for_each(|material| material.thin = Some(choice == ThinGlass::All));
+    }
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::image::scan_file::{Description, ScanArrays};
 use crate::image::scan_layers::ScanLayers;
 use crate::input::resolve::Resolved;
 use crate::input::scan_table::ScanTable;
-use crate::scan::{Measurement, PreparedScan, check_memory, scene_at};
+use crate::scan::{Measurement, Moving, PreparedScan, check_memory, scene_at};
 use crate::settings::aov::Aov;
 use crate::settings::table::InputTable;
 use crate::settings::{Sampling, Settings};
@@ -63,7 +63,14 @@ impl ReadyScan {
         let Job { experiment, scene, resolved: Resolved { settings, .. }, .. } = job;
         let has_variance = experiment.output.variance.unwrap_or(false);
         check_memory(&scan, &settings, has_variance)?;
-        let prepared = PreparedScan::new(&scan, scene, &settings);
+        let moving = Moving::new(&experiment, &scan)?;
+        if moving.is_some() && experiment.output.aov.is_some() {
+            return Err(Error::advice(
+                "layers are those of one moment, and objects move between the shots; ",
+                "leave out --aov, or remove the duration of the scan",
+            ));
+        }
+        let prepared = PreparedScan::new(&scan, scene, &settings, moving);
         let prepared = prepared.map_err(|error| error.in_scene(experiment.scene.as_deref()))?;
         let (of_scene, darkest) = prepared.warnings(&scan, &settings);
         of_scene.iter().for_each(|warning| say(warning));

@@ -4,6 +4,8 @@
 
 #![warn(missing_docs)]
 
+mod moving;
+
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,12 +19,14 @@ use crate::input::scan_table::Scan;
 use crate::job::iterations::{Abandons, End, Iterations};
 use crate::job::memory::{self, ImageParts};
 use crate::render::schedule::Schedule;
+use crate::render::space::RenderSpace;
 use crate::render::{
     FirstSurface, MemoryPlan, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids,
 };
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use crate::settings::aov::Aov;
 use crate::settings::{Budget, Settings};
+pub use moving::Moving;
 
 /// Maximum number of segments of light that comes straight back to a LiDAR.
 const STRAIGHT_BACK: u32 = 2;
@@ -41,27 +45,33 @@ pub struct PreparedScan {
     pub prepared: PreparedScene,
     /// Number of beams in each render, `None` if each point of the laser has a render of its own.
     beams: Option<usize>,
+    /// `None` if all objects stand still.
+    moving: Option<Moving>,
+    /// The render space at the first shot.
+    home: RenderSpace,
 }
 
 impl PreparedScan {
-    /// `scene` contains the laser and the sensor of `scan`, and `settings` are those of one render per point of the laser. Fails as
-    /// [`PreparedScene::new`].
-    pub fn new(scan: &Scan, mut scene: Scene, settings: &Settings) -> Result<PreparedScan> {
+    /// `scene` contains the laser and the sensor of `scan`, and `settings` are those of one render per point of the laser. `moving`: the
+    /// animations that play during the scan. Fails as [`PreparedScene::new`].
+    pub fn new(scan: &Scan, mut scene: Scene, settings: &Settings, moving: Option<Moving>) -> Result<PreparedScan> {
         let shares = scan.lights_what_it_sees() && settings.max_depth() <= STRAIGHT_BACK;
         if !shares {
             let prepared = PreparedScene::new(&scene, settings)?;
-            return Ok(PreparedScan { scene, settings: settings.clone(), prepared, beams: None });
+            let (settings, home) = (settings.clone(), prepared.space());
+            return Ok(PreparedScan { scene, settings, prepared, beams: None, moving, home });
         }
         let count = scan.laser_points.len();
         let max = (MAX_VALUES / settings.responses().len()).clamp(1, MAX_BEAMS);
         // Renders of nearly equal size, because the last one is filled up with copies of the last beam.
-        let together = if scan.places.is_some() { scan.at_once } else { count };
+        let together = if scan.places.is_some() || moving.is_some() { scan.at_once } else { count };
         let beams = together.div_ceil(together.div_ceil(max));
         let (camera, seeds) = scan.beams(0..beams, settings.seed());
         scene.cameras[settings.camera()] = camera;
         let settings = settings.change().resolution([beams as u32, 1]).crop(None).build()?;
         let prepared = PreparedScene::new(&scene, &settings)?.with_own_lasers(&seeds);
-        Ok(PreparedScan { scene, settings, prepared, beams: Some(beams) })
+        let home = prepared.space();
+        Ok(PreparedScan { scene, settings, prepared, beams: Some(beams), moving, home })
     }
 
     /// The warnings about the scene, and the point of the laser at which the most light is missing that no strategy forms (0 if none is).
@@ -111,6 +121,8 @@ pub struct Measurement {
     samples: u64,
     /// Samples that were not finite, of earlier renderers.
     dropped_before: u64,
+    /// Time of the shot that the scene is posed for, if objects move.
+    posed: Option<f64>,
 }
 
 impl Measurement {
@@ -125,7 +137,8 @@ impl Measurement {
             renderer.estimate_response_variance();
         }
         let film = ScanFilm::new(&scan, of.settings.responses().len(), has_variance);
-        Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0, dropped_before: 0 })
+        let posed = scan.times.as_ref().map(|times| times[0]);
+        Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0, dropped_before: 0, posed })
     }
 
     /// Number of points of the laser measured so far.
@@ -203,13 +216,16 @@ impl Measurement {
     /// is complete. Fails if the device is lost.
     fn step(&mut self, strict: bool, stop: &Arc<AtomicBool>) -> Result<End> {
         let count = self.scan.laser_points.len();
-        // The place changes from shot to shot.
-        let end = match self.scan.places.is_some() {
+        // The place or the scene changes from shot to shot.
+        let end = match self.scan.places.is_some() || self.of.moving.is_some() {
             true => (self.measured / self.scan.at_once + 1) * self.scan.at_once,
             false => count,
         };
         let points = self.measured..(self.measured + self.of.beams.unwrap_or(1)).min(end);
-        self.follow(points.start)?;
+        match self.of.moving.is_some() {
+            true => self.pose(points.start)?,
+            false => self.follow(points.start)?,
+        }
         match self.of.beams {
             Some(beams) => self.turn_beams(points.start..points.start + beams)?,
             None => self.turn(points.start)?,
@@ -225,26 +241,74 @@ impl Measurement {
         Ok(end)
     }
 
-    /// Prepares the scene again if the LiDAR is too far from the origin of render space at its shot `number`. The device holds two copies
-    /// of the scene for a moment.
+    /// Moves the objects of the scene to where they are at shot `number`. The device holds two copies of the scene for a moment.
+    fn pose(&mut self, number: usize) -> Result<()> {
+        let time = self.scan.times.as_ref().expect("objects move over time")[number];
+        let moving = self.of.moving.as_ref().expect("the caller asks first");
+        if self.posed == Some(time) {
+            return Ok(());
+        }
+        let mut scene = moving.scene_at(time, &self.of.scene)?;
+        self.look_from(number, &mut scene);
+        let PreparedScan { scene: before, settings, prepared, home, .. } = &mut self.of;
+        let camera = &scene.cameras[settings.camera()];
+        let space = match home.sensor(camera.transform.translation) {
+            Some(_) => *home,
+            None => RenderSpace::of_camera(&scene, camera, settings.emitters()),
+        };
+        let can_follow = before.has_same_objects(&scene);
+        self.posed = Some(time);
+        if can_follow && prepared.follow_surfaces_in(&scene, settings, space)? {
+            self.of.scene = scene;
+            return self.renew();
+        }
+        self.prepare(number, scene, |_| space)
+    }
+
+    /// Prepares the scene again if the LiDAR is too far from the origin of render space at its shot `number`.
     fn follow(&mut self, number: usize) -> Result<()> {
         let place = self.scan.places.as_ref().map(|places| places[number]);
         if place.is_none_or(|place| self.of.prepared.reaches(place)) {
             return Ok(());
         }
-        let PreparedScan { scene, settings, beams, .. } = &self.of;
-        let (mut scene, settings, beams) = (scene.clone(), settings.clone(), *beams);
+        let mut scene = self.of.scene.clone();
+        self.look_from(number, &mut scene);
+        let space =
+            RenderSpace::of_camera(&scene, &scene.cameras[self.of.settings.camera()], self.of.settings.emitters());
+        self.prepare(number, scene, |_| space)
+    }
+
+    /// Puts laser and sensor where they are at shot `number`.
+    fn look_from(&self, number: usize, scene: &mut Scene) {
+        let PreparedScan { settings, beams, .. } = &self.of;
         *scene.lights.last_mut().expect("the laser is the last light") = self.scan.light(number);
-        let (camera, seeds) = self.scan.beams(number..number + beams.unwrap_or(1), settings.seed());
-        scene.cameras[settings.camera()] = camera;
-        let prepared = PreparedScene::new(&scene, &settings)?;
-        let prepared = if beams.is_some() { prepared.with_own_lasers(&seeds) } else { prepared };
-        let mut renderer = Renderer::from_prepared(self.renderer.device(), &scene, &settings, &prepared)?;
+        scene.cameras[settings.camera()] = match beams {
+            Some(beams) => self.scan.beams(number..number + beams, settings.seed()).0,
+            None => self.scan.camera(number),
+        };
+    }
+
+    /// Prepares the scene of shot `number` anew.
+    fn prepare(&mut self, number: usize, scene: Scene, space: impl FnOnce(&Camera) -> RenderSpace) -> Result<()> {
+        let PreparedScan { settings, beams, .. } = &self.of;
+        let prepared = PreparedScene::in_space(&scene, settings, space)?;
+        let prepared = match beams {
+            Some(beams) => prepared.with_own_lasers(&self.scan.beams(number..number + beams, settings.seed()).1),
+            None => prepared,
+        };
+        (self.of.scene, self.of.prepared) = (scene, prepared);
+        self.renew()
+    }
+
+    /// Makes a renderer of the prepared scene. The device holds two copies of the scene for a moment.
+    fn renew(&mut self) -> Result<()> {
+        let PreparedScan { scene, settings, prepared, .. } = &self.of;
+        let mut renderer = Renderer::from_prepared(self.renderer.device(), scene, settings, prepared)?;
         if self.renderer.has_response_variance() {
             renderer.estimate_response_variance();
         }
         self.dropped_before = self.dropped();
-        (self.of, self.renderer) = (PreparedScan { scene, settings, prepared, beams }, renderer);
+        self.renderer = renderer;
         Ok(())
     }
 
@@ -261,9 +325,9 @@ impl Measurement {
 
     /// Turns the laser of the scene to point `number`, and moves it there. The render space stays, so all shots round alike.
     fn set_laser(&mut self, number: usize) -> Result<()> {
-        let PreparedScan { scene, settings, prepared, .. } = &mut self.of;
+        let PreparedScan { scene, settings, prepared, moving, .. } = &mut self.of;
         *scene.lights.last_mut().expect("the laser is the last light") = self.scan.light(number);
-        let follows = match self.scan.places.is_some() {
+        let follows = match self.scan.places.is_some() || moving.is_some() {
             true => prepared.follow_nearby(scene, settings)?,
             false => prepared.follow(scene, settings)?,
         };
@@ -273,7 +337,7 @@ impl Measurement {
 
     /// Turns all beams of the next render, and moves them to their place.
     fn turn_beams(&mut self, beams: Range<usize>) -> Result<()> {
-        if self.scan.places.is_some() {
+        if self.scan.places.is_some() || self.of.moving.is_some() {
             self.set_laser(beams.start)?;
             self.renderer.set_lights(&self.of.prepared)?;
         }

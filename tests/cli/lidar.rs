@@ -180,6 +180,33 @@ fn mistakes_are_named_and_leave_no_file() {
     assert!(!names(here).iter().any(|name| name.starts_with('x')));
 }
 
+#[test]
+fn objects_move_inside_the_animations_and_without_layers() {
+    let here = folder();
+    let here = here.path();
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let turn = std::fs::read_to_string(scenes.join("street-turn.toml")).unwrap();
+    let turn = turn.replace("street", &format!("{}/street", scenes.display())).replace("steps = 1800", "steps = 4");
+    std::fs::write(here.join("turn.toml"), &turn).unwrap();
+    let still = turn.lines().filter(|line| !line.starts_with("trajectory")).collect::<Vec<_>>().join("\n");
+    std::fs::write(here.join("still.toml"), still).unwrap();
+    for (arguments, part) in [
+        (&["turn.toml", "--at", "1.93s"][..], "the last shot is fired at 2.005 s of the animations, which end at 2 s"),
+        (&["still.toml", "--aov", "depth"], "objects move between the shots; leave out --aov"),
+        (&["turn.toml", "--shutter", "0..1ms"], "a scan has no shutter"),
+    ] {
+        fails(here, &[&["render"], arguments, &["-o", "x.npy"]].concat(), 2, part);
+    }
+    assert!(!here.join("x.npy").exists());
+    // The other car is 12 m nearer than in the file.
+    run(here, &["render", "turn.toml", "-o", "moving.npy", "-q"]);
+    let toml = turn.replace("[input]\nat = \"1s\"", "");
+    std::fs::write(here.join("without.toml"), toml).unwrap();
+    run(here, &["render", "without.toml", "-o", "without.npy", "-q"]);
+    let bytes = |name: &str| std::fs::read(here.join(name)).unwrap();
+    assert!(bytes("moving.npy") != bytes("without.npy"));
+}
+
 /// A car that drives towards the wall, and turns: each shot has its own place, and the time in the trajectory.
 #[test]
 fn a_cloud_from_a_car_is_skewed() {

@@ -26,6 +26,7 @@ mod lamps;
 mod lens;
 mod merging;
 mod moving_lidar;
+mod moving_objects;
 mod null_boundaries;
 mod orthographic;
 mod regressions;

@@ -94,7 +94,7 @@ fn intensities_are_those_of_a_white_target() {
         (scene.lights, scene.cameras) = (vec![scan.light(0)], vec![scan.camera(0)]);
         let settings = settings(Estimator::Bdpt, [1, 1]).max_depth(2).budget(Budget::Spp(4096));
         let settings = settings.gate(Gate { lo: 4.9, hi: 5.2 }).build().unwrap();
-        let prepared = PreparedScan::new(&scan, scene, &settings).unwrap();
+        let prepared = PreparedScan::new(&scan, scene, &settings, None).unwrap();
         let mut measurement = Measurement::new(&device(), scan.clone(), prepared, false).unwrap();
         measurement.run(false, &Arc::default(), |_| {}).unwrap();
         let intensity = f64::from(measurement.into_arrays().means[0]) / scan.white_target_at_1m().unwrap();
@@ -114,7 +114,7 @@ fn ranges_are_those_of_the_place_and_the_direction_of_each_shot() {
     (scene.lights, scene.cameras) = (vec![scan.light(0)], vec![scan.camera(0)]);
     let responses: Responses = Gates::new(RANGE, BINS).unwrap().into();
     let settings = settings(Estimator::Bdpt, [1, 1]).max_depth(2).budget(Budget::Spp(4)).responses(responses);
-    let prepared = PreparedScan::new(&scan, scene, &settings.build().unwrap()).unwrap();
+    let prepared = PreparedScan::new(&scan, scene, &settings.build().unwrap(), None).unwrap();
     let mut measurement = Measurement::new(&device(), scan.clone(), prepared, false).unwrap();
     let mut renders = 0;
     measurement.run(false, &Arc::default(), |_| renders += 1).unwrap();

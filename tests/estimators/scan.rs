@@ -224,7 +224,7 @@ fn beams_that_share_a_render_have_the_bits_of_single_beams() {
             (scene.lights, scene.cameras, scene.media) = (vec![scan.light(0)], vec![scan.camera(0)], media.clone());
             let settings = settings(estimator, [1, 1]).max_depth(2).seed(7).budget(Budget::Spp(64));
             let settings = settings.responses(responses.clone()).build().unwrap();
-            let prepared = PreparedScan::new(&scan, scene.clone(), &settings).unwrap();
+            let prepared = PreparedScan::new(&scan, scene.clone(), &settings, None).unwrap();
             let mut measurement = Measurement::new(&device(), scan.clone(), prepared, true).unwrap();
             let mut renders = 0;
             measurement.run(false, &Arc::default(), |_| renders += 1).unwrap();

@@ -1,0 +1,99 @@
+//! A LiDAR scans while a wall drives towards it: the range of each shot against geometry.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+use taugate::Job;
+use taugate::internals::generate::glb::{self, Motion};
+use taugate::internals::generate::parts::{add, diffuse, material};
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::scene::Scene;
+
+use super::cells::device;
+
+/// Distance of the wall in metres at the start of the animation, and its speed in m/s.
+const DISTANCE: f64 = 4.0;
+const SPEED: f64 = 14.0;
+/// Number of shots in a row, and the directions of the first and the last one in degrees.
+const SHOTS: usize = 12;
+const AZIMUTH: [f64; 2] = [-30.0, 25.0];
+/// Time of the first shot in the animation, and of the scan, in seconds.
+const AT: f64 = 0.02;
+const DURATION: f64 = 0.12;
+/// Speed of the LiDAR in m/s, to the right and forward.
+const DRIVE: [f64; 2] = [3.0, 9.0];
+const BINS: usize = 4000;
+/// First and last optical path of the waveforms in metres.
+const RANGE: [f64; 2] = [1.0, 13.0];
+
+fn write(folder: &Path, drives: bool, duration: &str) -> std::path::PathBuf {
+    let mut scene = Scene::default();
+    let white = material(&mut scene, diffuse("white", [0.8; 3]));
+    let far = DVec3::new(-50.0, -50.0, 0.0);
+    add(&mut scene, "wall", white, quad(far, 100.0 * DVec3::X, 100.0 * DVec3::Y, [1.0; 2]));
+    let places = [0.0, 0.2].map(|time| [0.0, 0.0, -(DISTANCE - SPEED * time) as f32]);
+    let motion = Motion { node: "wall", times: vec![0.0, 0.2], positions: places.to_vec() };
+    std::fs::write(folder.join("scene.glb"), glb::write_moving(&scene, Some(&motion))).unwrap();
+    // Times of the poses begin elsewhere than those of the animation.
+    let row = |time: f64| format!("{},{},0,{},0,0,0,1\n", 7.0 + time, DRIVE[0] * time, -DRIVE[1] * time);
+    std::fs::write(folder.join("poses.csv"), row(0.0) + &row(0.2)).unwrap();
+    let trajectory = if drives { "trajectory = 'poses.csv'" } else { "" };
+    let path = folder.join("scan.toml");
+    let text = format!(
+        "scene = 'scene.glb'\n[scan]\nlaser = [0, 0, 0]\ndivergence = 0.002\npixel-fov = 0.002\nends = 'included'\n{duration}\n{trajectory}\n\
+         points = {{forward = [0, 0, -1], azimuth = {AZIMUTH:?}, elevation = [0, 0], count = [{SHOTS}, 1]}}\n\
+         [gate]\ngates = '{}m..{}m/{BINS}'\n",
+        RANGE[0], RANGE[1]
+    );
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// The range of each shot, and how many renders they took.
+fn ranges(path: &Path, depth: &str) -> (Vec<f64>, usize) {
+    let at = AT.to_string();
+    let job = Job::open_with(path, [("at", &*at), ("max-depth", depth), ("spp", "16"), ("estimator", "bdpt")]).unwrap();
+    let mut scan = job.prepare_scan(&device()).unwrap_or_else(|e| panic!("{e}"));
+    let mut renders = 0;
+    scan.run(&Arc::default(), |_| renders += 1).unwrap();
+    let light = scan.into_arrays().0.means;
+    let range = |shot: usize| {
+        let bins: Vec<f64> = light.iter().skip(shot).step_by(SHOTS).map(|&x| f64::from(x)).collect();
+        // A single wall: all light is one echo.
+        let centre = bins.iter().enumerate().map(|(k, x)| (k as f64 + 0.5) * x).sum::<f64>() / bins.iter().sum::<f64>();
+        0.5 * (RANGE[0] + centre * (RANGE[1] - RANGE[0]) / BINS as f64)
+    };
+    ((0..SHOTS).map(range).collect(), renders)
+}
+
+fn expected(shot: usize, moves: bool, drives: bool) -> f64 {
+    let turn = shot as f64 / (SHOTS - 1) as f64;
+    let azimuth = (AZIMUTH[0] + turn * (AZIMUTH[1] - AZIMUTH[0])).to_radians();
+    let time = DURATION * shot as f64 / SHOTS as f64;
+    let wall = DISTANCE - SPEED * (AT + if moves { time } else { 0.0 });
+    (wall - if drives { DRIVE[1] * time } else { 0.0 }) / azimuth.cos()
+}
+
+#[test]
+fn each_shot_sees_the_wall_where_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    for (drives, depth) in [(false, "2"), (true, "2"), (false, "3"), (true, "3")] {
+        let (found, renders) = ranges(&write(folder.path(), drives, "duration = '120ms'"), depth);
+        assert_eq!(renders, SHOTS);
+        let error = |moves: bool| {
+            let of_shot = |(shot, range): (usize, &f64)| (range - expected(shot, moves, drives)).abs();
+            found.iter().enumerate().map(of_shot).fold(0.0, f64::max)
+        };
+        eprintln!("drives {drives}, depth {depth}: {:.5} m, without motion {:.3} m", error(true), error(false));
+        assert!(error(true) < 1e-3 && error(false) > 1.0, "drives {drives}, depth {depth}: {found:?}");
+    }
+    // Without times of the shots, nothing moves.
+    let (found, renders) = ranges(&write(folder.path(), false, ""), "2");
+    assert_eq!(renders, 1);
+    let wall = |shot: usize| {
+        let azimuth = AZIMUTH[0] + shot as f64 / (SHOTS - 1) as f64 * (AZIMUTH[1] - AZIMUTH[0]);
+        (DISTANCE - SPEED * AT) / azimuth.to_radians().cos()
+    };
+    assert!(found.iter().enumerate().all(|(shot, range)| (range - wall(shot)).abs() < 1e-3), "{found:?}");
+}
