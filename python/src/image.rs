@@ -214,8 +214,8 @@ impl Image {
             };
             dict.set_item(name, layer)?;
         }
-        if let Some((images, frequencies)) = self.images().zip(self.responses.frequencies()) {
-            for (name, values) in depth::planes(images, frequencies) {
+        if let Some(images) = self.images() {
+            for (name, values) in depth::planes(images, &self.responses) {
                 dict.set_item(name, array(py, values, shape)?)?;
             }
         }

@@ -200,7 +200,7 @@ fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
     experiment.camera.crop = None;
     // The middle of the exposure stays.
     experiment.input.at = experiment.input.moment().map(Moment);
-    (experiment.input.shutter, experiment.input.rolling) = (None, None);
+    (experiment.input.shutter, experiment.input.rolling, experiment.gate.heterodyne) = (None, None, None);
     let after = named::as_texts(experiment);
     Ok(before.into_keys().filter(|name| !after.contains_key(name) && *name != "output").collect())
 }

@@ -63,9 +63,7 @@ pub fn of_render(
             groups.push(ChannelGroup::rgb(&format!("{prefix}Variance."), images.variance_of_mean(k)));
         }
     }
-    if let Some(frequencies) = responses.frequencies() {
-        let planes = depth::planes(images, frequencies).into_iter();
-        groups.extend(planes.map(|(name, values)| ChannelGroup::single(name, values)));
-    }
+    let planes = depth::planes(images, responses).into_iter();
+    groups.extend(planes.map(|(name, values)| ChannelGroup::single(name, values)));
     groups
 }

@@ -1,6 +1,7 @@
 //! Phase, amplitude and depth from the four images of a continuous-wave sensor.
 
 use crate::image::response_film::ResponseFilm;
+use crate::settings::Responses;
 use crate::settings::frequencies::Frequencies;
 
 /// The measurement of one frequency in one pixel.
@@ -85,9 +86,10 @@ pub fn echoes(film: &ResponseFilm, frequencies: &Frequencies, index: usize) -> V
         .collect()
 }
 
-/// Phase, amplitude and depth of each frequency and, for two frequencies, the unwrapped depth. Each plane has a name and one value
-/// per pixel. The last plane is the best depth: `write_depths` relies on this order.
-pub fn planes(film: &ResponseFilm, frequencies: &Frequencies) -> Vec<(String, Vec<f32>)> {
+/// Phase and amplitude of each frequency of a continuous-wave sensor. If it has depths, also these and, for two frequencies, the unwrapped
+/// depth. Each plane has a name and one value per pixel. The last plane is the best depth: `write_depths` relies on this order.
+pub fn planes(film: &ResponseFilm, responses: &Responses) -> Vec<(String, Vec<f32>)> {
+    let Some(frequencies) = responses.frequencies() else { return vec![] };
     let all: Vec<Vec<Echo>> = (0..frequencies.megahertz().len()).map(|i| echoes(film, frequencies, i)).collect();
     let mut planes = vec![];
     for (echoes, &f) in all.iter().zip(frequencies.megahertz()) {
@@ -96,9 +98,13 @@ pub fn planes(film: &ResponseFilm, frequencies: &Frequencies) -> Vec<(String, Ve
         };
         plane("phase", |echo| echo.phase);
         plane("amplitude", |echo| echo.amplitude);
-        plane("depth", |echo| echo.depth);
+        if responses.have_depths() {
+            plane("depth", |echo| echo.depth);
+        }
     }
-    if let ([a, b], &[f, g]) = (&all[..], frequencies.megahertz()) {
+    if responses.have_depths()
+        && let ([a, b], &[f, g]) = (&all[..], frequencies.megahertz())
+    {
         let pairs = a.iter().zip(b).map(|(a, b)| unwrapped([a.depth, b.depth], [f, g]));
         planes.push(("cw.depth".into(), pairs.collect()));
     }
@@ -108,7 +114,6 @@ pub fn planes(film: &ResponseFilm, frequencies: &Frequencies) -> Vec<(String, Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Responses;
 
     /// The four images of light with these travel times and strengths.
     fn images(light: &[(f64, f64)], megahertz: f64) -> [f64; 4] {

@@ -127,8 +127,8 @@ pub fn write(
         None => {}
         Some(all) => set.add(Role::Variance, &shape, (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel)))?,
     }
-    if let Some((images, frequencies)) = responses.zip(provenance.responses.frequencies()) {
-        let depths = depth::planes(images, frequencies).pop().map_or(vec![], |(_, depths)| depths);
+    if let Some(images) = responses.filter(|_| provenance.responses.have_depths()) {
+        let depths = depth::planes(images, &provenance.responses).pop().map_or(vec![], |(_, depths)| depths);
         set.add(Role::Depth, &[film.height() as usize, film.width() as usize], depths)?;
     }
     set.publish(&description(film, responses, provenance))

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
+use crate::settings::frequencies::Heterodyne;
 use crate::settings::response_specs::{ResponseSpec, Shape};
 use crate::settings::table::GateTable;
 use crate::settings::units::{Gate, length_unit, path_unit};
@@ -37,8 +38,13 @@ pub fn chosen(table: &GateTable) -> Result<Responses> {
 
 /// The responses without the repetition by a pulsed laser.
 fn of_one_pulse(table: &GateTable) -> Result<Responses> {
-    if let Some(frequencies) = &table.cw {
-        return Ok(frequencies.clone().into());
+    match (&table.cw, table.heterodyne) {
+        (Some(frequencies), None) => return Ok(frequencies.clone().into()),
+        (Some(frequencies), Some(Heterodyne(hertz))) => {
+            return Ok(Responses::from(frequencies.clone()).with_heterodyne(hertz));
+        }
+        (None, Some(_)) => return Err(Error::advice("--heterodyne needs a continuous-wave sensor: ", "add --cw MHZ")),
+        (None, None) => {}
     }
     let gate = table.gate.or(table.depth.map(|depth| depth.0));
     let specs = table.response.clone().map_or(vec![], |specs| specs.0);

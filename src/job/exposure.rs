@@ -23,13 +23,15 @@ use crate::settings::{Budget, Settings};
 /// The moments that a render shows. The moment of each iteration is its number times the golden ratio, modulo the duration of the exposure:
 /// any run of iterations, and those of any shard, are spread evenly. With a rolling shutter this holds for each row.
 pub struct Exposure {
-    /// The experiment of a single moment.
+    /// The experiment of a single moment, whose waves do not turn.
     experiment: Experiment,
     /// When the exposure of the first row of the whole image begins, in seconds of the animations.
     begin: f64,
     /// How long each row is exposed, and how much later than the row above, in seconds.
     duration: f64,
     line_time: f64,
+    /// By how much the modulation of the sensor is faster than that of the light, in Hz. They are in phase at `begin`.
+    heterodyne: f64,
     /// The rows to render, counted in the whole image.
     rows: Range<u32>,
     /// The render space of the scene in the middle of the exposure.
@@ -59,11 +61,12 @@ impl Exposure {
         let Some(shutter) = shutter else { return Ok(None) };
         let home = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], settings.emitters());
         let mut experiment = config.clone();
-        (experiment.input.shutter, experiment.input.rolling) = (None, None);
+        (experiment.input.shutter, experiment.input.rolling, experiment.gate.heterodyne) = (None, None, None);
         Ok(Some(Exposure {
             experiment,
             begin: at.map_or(0.0, |Moment(at)| at) + shutter.open,
             duration: shutter.duration(),
+            heterodyne: settings.responses().heterodyne().unwrap_or(0.0),
             line_time: rolling.map_or(0.0, |LineTime(time)| time),
             rows: settings.crop().y0..settings.crop().y1,
             home,
@@ -120,14 +123,18 @@ impl Exposure {
 /// Fewer moments than this may be told apart.
 const FEW_MOMENTS: u32 = 16;
 
-/// Fails if the settings have a rolling shutter without an exposure, if nothing in the scene moves, or if one of `rows` of the image is exposed
+/// Fails if the settings have a rolling shutter or a heterodyne sensor without an exposure, if nothing in the scene moves, or if one of `rows` of the image is exposed
 /// before or after the animations.
 pub fn check(experiment: &Experiment, rows: Range<u32>) -> Result<()> {
     let InputTable { at, shutter, rolling, .. } = experiment.input;
     let Some(shutter) = shutter else {
-        return match rolling {
-            Some(_) => Err(Error::advice("a rolling shutter needs an exposure: ", "add --shutter 0..20ms")),
-            None => Ok(()),
+        return match (rolling, experiment.gate.heterodyne) {
+            (Some(_), _) => Err(Error::advice("a rolling shutter needs an exposure: ", "add --shutter 0..20ms")),
+            (None, Some(_)) => {
+                let message = "the phases of a heterodyne sensor turn during an exposure: ";
+                Err(Error::advice(message, "add --shutter 0..20ms"))
+            }
+            (None, None) => Ok(()),
         };
     };
     let end = match &experiment.scene {
@@ -186,6 +193,7 @@ impl Iterate for Exposed<'_> {
             let start = Instant::now();
             let shown = self.exposure.load(at).and_then(|(scene, settings)| self.ready.show(scene, &settings, home));
             self.ready.renderer.add_time("follow what moves", start.elapsed());
+            self.ready.renderer.turn_waves(self.exposure.heterodyne * (at - self.exposure.begin));
             if let Err(error) = shown {
                 self.ready.renderer.abandon();
                 return Err(error);
@@ -207,7 +215,8 @@ mod tests {
     /// An exposure of 20 ms that begins at 1 s, of the rows 3 to 99 of an image.
     fn exposure(line_time: f64) -> Exposure {
         let (experiment, home) = (Experiment::default(), RenderSpace::metres(DVec3::ZERO));
-        Exposure { experiment, begin: 1.0, duration: 0.02, line_time, rows: 3..100, home, shift: 0x1234_5678 }
+        let (begin, duration, heterodyne, shift) = (1.0, 0.02, 0.0, 0x1234_5678);
+        Exposure { experiment, begin, duration, line_time, heterodyne, rows: 3..100, home, shift }
     }
 
     #[test]

@@ -56,6 +56,13 @@ impl Renderer {
         }
     }
 
+    /// Turns the phases of a heterodyne sensor until the render pauses.
+    pub(crate) fn turn_waves(&mut self, turns: f64) {
+        if let Some(responses) = &mut self.responses {
+            responses.turn_waves(turns);
+        }
+    }
+
     /// Adds wall time of work on the host to a stage of the statistics.
     pub(crate) fn add_time(&mut self, stage: &str, time: Duration) {
         self.stats.add_host(stage, time);

@@ -74,6 +74,11 @@ impl ResponseSums {
         self.weights = Weights::new(&plan.responses, &plan.space);
     }
 
+    /// Turns the phases of a heterodyne sensor. [`ResponseSums::follow`] turns them back.
+    pub fn turn_waves(&mut self, turns: f64) {
+        self.weights.turn_waves(turns);
+    }
+
     /// Begins an iteration with `samples` samples per pixel on average.
     pub fn begin(&mut self, samples: u32) {
         self.samples = samples;

@@ -79,9 +79,64 @@ typed! { Frequencies, "expected one or two numbers of MHz, like 20 or [80, 60]":
 
 value_from_text!(Frequencies);
 
+/// The frequency in Hz by which the sensor's modulation is faster than that of the light. Finite and not 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Heterodyne(pub f64);
+
+/// Parses a number of Hz; `Hz` or `kHz` may follow.
+impl FromStr for Heterodyne {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Heterodyne> {
+        let text = text.trim();
+        let (digits, hertz) = match text.strip_suffix("kHz") {
+            Some(digits) => (digits, 1e3),
+            None => (text.strip_suffix("Hz").unwrap_or(text), 1.0),
+        };
+        let parsed = digits.trim().parse().ok().map(|x: f64| Heterodyne(x * hertz));
+        parsed.filter(|Heterodyne(hertz)| hertz.is_finite() && *hertz != 0.0).ok_or_else(|| {
+            Error::advice(
+                format!("'{text}' is no difference of frequencies: "),
+                "write a number of Hz that is not 0, like 30Hz",
+            )
+        })
+    }
+}
+
+/// Prints text that parses to the same frequency.
+impl fmt::Display for Heterodyne {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}Hz", number(self.0))
+    }
+}
+
+impl Serialize for Heterodyne {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+typed! { Heterodyne, "expected a number of Hz, like \"30Hz\"":
+    Typed::Number(hertz) => number(hertz).parse(),
+    Typed::Text(text) => text.parse(),
+}
+
+value_from_text!(Heterodyne);
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_heterodyne_sensor_has_another_frequency() {
+        for (text, hertz) in [("30", 30.0), ("-2.5 Hz", -2.5), ("1kHz", 1000.0)] {
+            let heterodyne: Heterodyne = text.parse().unwrap();
+            assert_eq!((heterodyne, heterodyne.to_string().parse().unwrap()), (Heterodyne(hertz), heterodyne));
+        }
+        for bad in ["", "0", "inf", "1MHz", "NaN"] {
+            assert!(bad.parse::<Heterodyne>().unwrap_err().to_string().contains("like 30Hz"), "{bad}");
+        }
+    }
 
     #[test]
     fn one_or_two_frequencies() {

@@ -132,6 +132,14 @@ impl Response {
         Response { period: Some(period), ..self }
     }
 
+    /// The period of a wave in metres of optical path; `None` for other responses.
+    pub(crate) fn wave_period(&self) -> Option<f64> {
+        match self.weight {
+            Weight::Wave { period, .. } => Some(period),
+            Weight::Gate { .. } | Weight::Table(_) => None,
+        }
+    }
+
     /// The period of a pulsed laser in metres of optical path; `None` for a single pulse or a wave.
     pub fn period(&self) -> Option<f64> {
         self.period

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::settings::aov::Aov;
-use crate::settings::frequencies::Frequencies;
+use crate::settings::frequencies::{Frequencies, Heterodyne};
 use crate::settings::gates::{Gates, MAX_GATES};
 use crate::settings::optical_path::OpticalPath;
 use crate::settings::response::{Edge, MAX_PERIODS, Response};
@@ -25,6 +25,9 @@ pub struct Responses {
     uniform: Option<Gates>,
     /// The frequencies that the list was made from.
     frequencies: Option<Frequencies>,
+    /// By how much the modulation of the sensor is faster, in Hz.
+    #[serde(default)]
+    heterodyne: Option<f64>,
 }
 
 impl Responses {
@@ -50,7 +53,7 @@ impl Responses {
                 "give each a name of its own, like near=gauss:10m..11m,0.1m",
             ));
         }
-        let responses = Responses { list, uniform: None, frequencies: None };
+        let responses = Responses { list, uniform: None, frequencies: None, heterodyne: None };
         responses.check()?;
         Ok(responses)
     }
@@ -59,7 +62,8 @@ impl Responses {
     pub fn uniform_with(gates: Gates, edge: Edge) -> Responses {
         let digits = (gates.count() - 1).to_string().len();
         let response = |k| Response::new(format!("bin{k:0digits$}"), gates.gate(k), edge);
-        Responses { list: (0..gates.count()).map(response).collect(), uniform: Some(gates), frequencies: None }
+        let list = (0..gates.count()).map(response).collect();
+        Responses { list, uniform: Some(gates), frequencies: None, heterodyne: None }
     }
 
     /// The responses to a pulsed laser, see [`Response::repeated`].
@@ -82,6 +86,22 @@ impl Responses {
     /// The frequencies of a continuous-wave sensor, if the list was made from them.
     pub fn frequencies(&self) -> Option<&Frequencies> {
         self.frequencies.as_ref()
+    }
+
+    /// The waves of a sensor whose modulation is `hertz` faster than that of the light. Their phases turn while the shutter is open.
+    pub(crate) fn with_heterodyne(self, hertz: f64) -> Responses {
+        Responses { heterodyne: Some(hertz), ..self }
+    }
+
+    /// See [`Responses::with_heterodyne`].
+    pub(crate) fn heterodyne(&self) -> Option<f64> {
+        self.heterodyne
+    }
+
+    /// Whether the phases of a continuous-wave sensor are those of travel times, so that it measures depths.
+    #[doc(hidden)]
+    pub fn have_depths(&self) -> bool {
+        self.frequencies.is_some() && self.heterodyne.is_none()
     }
 
     /// Whether there is one response, whose weight is 1 inside its gate and 0 outside.
@@ -189,7 +209,8 @@ impl Responses {
             return GateTable { gates: Some(gates), response, repeat, ..GateTable::default() };
         }
         if self.frequencies.is_some() {
-            return GateTable { cw: self.frequencies.clone(), ..GateTable::default() };
+            let heterodyne = self.heterodyne.map(Heterodyne);
+            return GateTable { cw: self.frequencies.clone(), heterodyne, ..GateTable::default() };
         }
         // A gate without a response has a default name. Any other name needs a response.
         if self.is_single_box() && self.list[0].name() == default_name(self.list[0].gate()) {
@@ -207,7 +228,10 @@ impl Responses {
                 None => gates.describe(),
                 Some(period) => format!("{}, repeated every {period} m", gates.describe()),
             },
-            (_, Some(frequencies)) => format!("continuous wave of {frequencies} MHz"),
+            (_, Some(frequencies)) => match self.heterodyne {
+                None => format!("continuous wave of {frequencies} MHz"),
+                Some(hertz) => format!("continuous wave of {frequencies} MHz, heterodyne by {hertz} Hz"),
+            },
             (None, None) => self.iter().map(Response::describe).collect::<Vec<_>>().join("; "),
         }
     }
@@ -227,7 +251,8 @@ impl Default for Responses {
 
 impl From<Gate> for Responses {
     fn from(gate: Gate) -> Responses {
-        Responses { list: vec![Response::new(default_name(gate), gate, Edge::Sharp)], uniform: None, frequencies: None }
+        let list = vec![Response::new(default_name(gate), gate, Edge::Sharp)];
+        Responses { list, uniform: None, frequencies: None, heterodyne: None }
     }
 }
 
@@ -238,7 +263,7 @@ impl From<Frequencies> for Responses {
             (0..4).map(move |k| Response::wave(format!("{}-{k}", Frequencies::name(f)), Frequencies::period(f), k))
         };
         let list = frequencies.megahertz().iter().flat_map(four).collect();
-        Responses { list, uniform: None, frequencies: Some(frequencies) }
+        Responses { list, uniform: None, frequencies: Some(frequencies), heterodyne: None }
     }
 }
 

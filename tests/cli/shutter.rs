@@ -100,6 +100,9 @@ fn mistakes_name_the_remedy() {
         (&["box.glb", "--shutter", "0..20ms"], "no node of the scene is animated"),
         (&["street.glb", "--shutter", "0..20ms", "--frames", "0..49", "--gif", "a.gif"], "from 2 s to 2.02 s"),
         (&["street.glb", "--shutter", "0..20ms", "--strategy-images", "folder"], "leave out --shutter"),
+        (&["street.glb", "--cw", "20", "--heterodyne", "30"], "turn during an exposure: add --shutter"),
+        (&["street.glb", "--shutter", "0..20ms", "--heterodyne", "30"], "add --cw MHZ"),
+        (&["street.glb", "--shutter", "0..20ms", "--cw", "20", "--heterodyne", "0"], "like 30Hz"),
         (&["street.glb", "--shutter-speed", "20ms"], "with --shutter, like 0..20ms"),
     ] {
         let command = [&["render"], flags, &["--resolution", "24x12", "-o", "f#.exr"]].concat();

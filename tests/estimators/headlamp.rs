@@ -66,7 +66,7 @@ fn a_continuous_wave_sensor_measures_the_distance_of_a_wall() {
     for echo in depth::echoes(film, &frequencies, 1) {
         assert!((f64::from(echo.amplitude) / radiance - 1.0).abs() < 1e-3, "{echo:?}");
     }
-    let (name, unwrapped) = depth::planes(film, &frequencies).pop().unwrap();
+    let (name, unwrapped) = depth::planes(film, settings.responses()).pop().unwrap();
     assert_eq!(name, "cw.depth");
     assert!(unwrapped.iter().all(|&d| (f64::from(d) - 2.0).abs() < 5e-4), "{unwrapped:?}");
 }

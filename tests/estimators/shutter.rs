@@ -1,5 +1,6 @@
 //! Exposures: what moves while the shutter is open, against closed forms and against the mean of many moments.
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,9 +10,11 @@ use taugate::internals::generate::glb::{self, Motion};
 use taugate::internals::generate::parts::{emitter, material, mesh, place};
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::{Kind, build};
+use taugate::internals::image::depth;
 use taugate::internals::image::film::Film;
 use taugate::internals::job::ready_job::ReadyJob;
 use taugate::internals::scene::{Camera, LightKind, Projection, Scene};
+use taugate::internals::settings::frequencies::Frequencies;
 
 use super::cells::device;
 
@@ -208,5 +211,40 @@ fn an_exposure_is_the_mean_of_its_moments() {
         let still = cells(&green(rendered(&path, &[&base[..], &[("at", "0"), ("spp", "64")]].concat()).film()));
         eprintln!("the first moment alone: {:.3}", worst_of(&still));
         assert!(worst < 0.2 * worst_of(&still), "{way} m");
+    }
+}
+
+/// A glowing surface recedes from a heterodyne sensor: each of its images is the mean over the exposure of a wave whose phase turns by the
+/// difference of the frequencies and by the Doppler shift.
+#[test]
+fn a_heterodyne_sensor_sees_the_doppler_shift() {
+    let folder = tempfile::tempdir().unwrap();
+    let (distance, speed, duration, begin, megahertz) = (5.0, 7.0, 0.8, 0.5, 20.0);
+    let path = moving(folder.path(), &square(), "square", [0.0, 2.0].map(|time| DVec3::new(LEFT, 0.0, -speed * time)));
+    let period = Frequencies::period(megahertz);
+    let from = distance - 2.0 + speed * begin;
+    for (hertz, shown) in [(1.25, "1.25"), (-2.0, "-2Hz"), (0.4, "0.4")] {
+        let flags =
+            [("estimator", "bdpt"), ("shutter", "0.5..1.3"), ("cw", "20"), ("heterodyne", shown), ("spp", "512")];
+        let job = rendered(&path, &flags);
+        let images = job.responses().unwrap();
+        let found: Vec<f64> =
+            (0..4).map(|k| f64::from(images.mean(k)[3 * (4 * W + 10) as usize + 1]) / RADIANCE).collect();
+        let expected = |speed: f64, hertz: f64| -> Vec<f64> {
+            let turning = TAU * (speed / period + hertz);
+            let image = |k: u32| {
+                let first = TAU * (from / period + 0.25 * f64::from(k));
+                0.5 + 0.5 * ((first + turning * duration).sin() - first.sin()) / (turning * duration)
+            };
+            (0..4).map(image).collect()
+        };
+        let error = |expected: &[f64]| found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let [right, still, reversed] =
+            [(speed, hertz), (1e-9, hertz), (speed, -hertz)].map(|(v, f)| error(&expected(v, f)));
+        eprintln!("{hertz} Hz: error {right:.4}, without shift {still:.3}, reversed {reversed:.3}");
+        assert!(right < 0.01 && still > 0.03 && reversed > 0.03, "{hertz} Hz: {found:?}");
+        // Its phases are none of travel times.
+        let planes = depth::planes(images, job.ready.settings.responses());
+        assert!(planes.iter().map(|(name, _)| &name[..]).eq(["cw20MHz.phase", "cw20MHz.amplitude"]));
     }
 }

@@ -187,8 +187,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         ));
     }
     let exposure = wanted.exposure.unwrap_or_default();
-    // A scan is no image of depths.
-    let depth = experiment.gate.cw.is_some() && !is_scan;
+    // A scan is no image of depths, and the phases of a heterodyne sensor are none of travel times.
+    let depth = responses.have_depths() && !is_scan;
     let keeps_variance = keeps_sums && (variance || count <= MAX_EXR_RESPONSES);
     let outputs = Outputs {
         exr,

@@ -15,6 +15,8 @@ pub struct Weights {
     supports: Supports,
     /// Metres per unit of the render space.
     unit: f64,
+    /// For each of the `general` responses, the length in metres that its phase is ahead of travel times; 0 unless it is a wave.
+    ahead: Vec<f64>,
 }
 
 impl Weights {
@@ -28,7 +30,15 @@ impl Weights {
         let lookup = boxes.is_sorted_by(|a, b| a[1] <= b[0]).then(|| BoxLookup::new(&boxes));
         let general = if are_boxes { vec![] } else { responses.iter().cloned().collect() };
         let supports = Supports::new(&general);
-        Weights { boxes, lookup, general, supports, unit: space.unit }
+        let ahead = vec![0.0; general.len()];
+        Weights { boxes, lookup, general, supports, unit: space.unit, ahead }
+    }
+
+    /// Puts the phases of all waves ahead by this number of turns.
+    pub fn turn_waves(&mut self, turns: f64) {
+        for (ahead, response) in self.ahead.iter_mut().zip(&self.general) {
+            *ahead = response.wave_period().map_or(0.0, |period| turns.fract() * period);
+        }
     }
 
     /// Number of responses.
@@ -42,7 +52,7 @@ impl Weights {
         let tau = tau.max(0.0);
         let metres = f64::from(tau) * self.unit;
         self.supports.visit(metres, |k| {
-            let weight = self.general[k].weight(metres);
+            let weight = self.general[k].weight(metres + self.ahead[k]);
             if weight > 0.0 {
                 visit(k as u32, weight);
             }

@@ -1,7 +1,7 @@
 //! The settings of the gate, and of the response of the sensor.
 
 use crate::settings::frames::GateKeys;
-use crate::settings::frequencies::Frequencies;
+use crate::settings::frequencies::{Frequencies, Heterodyne};
 use crate::settings::gates::Gates;
 use crate::settings::optical_path::OpticalPath;
 use crate::settings::response_specs::ResponseSpecs;
@@ -37,6 +37,10 @@ table! {
         /// Continuous-wave sensor: modulation frequencies in MHz, one or two. Four images per frequency, with the weights (1 + cos(2 pi
         /// F tau / c + k pi / 2)) / 2 for k = 0 to 3, and layers of phase, amplitude and depth in metres
         cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response", "repeat", "gate-keys"], "say which light counts").also(Page);
+
+        /// Heterodyne continuous-wave sensor (Doppler time of flight): its modulation is faster than that of the light by this frequency,
+        /// such as 30Hz, so the phases of --cw turn while the --shutter is open
+        heterodyne: Heterodyne, Setting::gate("heterodyne", "HZ").form(Form::Signed).except(View);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch).also(Page).affects_no_image();

@@ -35,6 +35,7 @@ impl Visitor for Fill {
             "0..2",
             "0..2ms",
             "2us",
+            "30Hz",
             "pt",
             "hg",
             "box",
