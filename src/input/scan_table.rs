@@ -289,6 +289,19 @@ impl Scan {
         self.places.as_ref().map_or(self.laser, |places| places[index])
     }
 
+    /// Velocity in m/s of the LiDAR at shot `index`; zero if it stands still.
+    pub fn velocity_at(&self, index: usize) -> DVec3 {
+        let (Some(places), Some(times)) = (&self.places, &self.times) else { return DVec3::ZERO };
+        let last = times.len() - 1;
+        let differs = |other: &usize| times[*other] != times[index];
+        let (from, to) = match (index..=last).find(differs) {
+            Some(later) => (index, later),
+            None => ((0..index).rev().find(differs).unwrap_or(index), index),
+        };
+        let seconds = times[to] - times[from];
+        if seconds > 0.0 { (places[to] - places[from]) / seconds } else { DVec3::ZERO }
+    }
+
     /// Where the sensor is while the laser looks at its point `index`.
     fn sensor_at(&self, index: usize) -> DVec3 {
         self.places.as_ref().map_or(self.sensor, |places| places[index])

@@ -245,6 +245,9 @@ impl Job {
         }
         let Job { experiment, scene, resolved: Resolved { settings, .. }, .. } = self;
         let aov = experiment.output.aov.unwrap_or_default();
+        if aov.velocity {
+            return Err(Error::advice("the velocity is a layer of scans: ", "leave it out of --aov"));
+        }
         // A renderer that this render cannot take over is dropped here, so that two copies of the scene are never on the device.
         let has_variances = has_variance && !settings.responses().is_single_box();
         let can_follow =

@@ -64,10 +64,11 @@ impl ReadyScan {
         let has_variance = experiment.output.variance.unwrap_or(false);
         check_memory(&scan, &settings, has_variance)?;
         let moving = Moving::new(&experiment, &scan)?;
-        if moving.is_some() && experiment.output.aov.is_some() {
+        let aov = experiment.output.aov.unwrap_or_default();
+        if moving.is_some() && aov != Aov::default() && scan.sensor_points.is_some() {
             return Err(Error::advice(
-                "layers are those of one moment, and objects move between the shots; ",
-                "leave out --aov, or remove the duration of the scan",
+                "each point of the sensor has one surface in the layers, and here objects move from one point of the laser to the next; ",
+                "leave out --aov",
             ));
         }
         let prepared = PreparedScan::new(&scan, scene, &settings, moving);
@@ -75,13 +76,17 @@ impl ReadyScan {
         let (of_scene, darkest) = prepared.warnings(&scan, &settings);
         of_scene.iter().for_each(|warning| say(warning));
         warnings.extend(of_scene);
+        let mut measurement = Measurement::new(&open()?, scan, prepared, has_variance)?;
+        if aov != Aov::default() {
+            measurement.look_at_surfaces();
+        }
         Ok(ReadyScan {
-            measurement: Measurement::new(&open()?, scan, prepared, has_variance)?,
+            measurement,
             table,
             settings,
             darkest,
             config,
-            aov: experiment.output.aov.unwrap_or_default(),
+            aov,
             may_be_dark: experiment.gate.force.unwrap_or(false),
             strict: experiment.render.strict.unwrap_or(false),
             warnings,

@@ -13,6 +13,8 @@ use rayon::prelude::*;
 use echoes::Finder;
 use shots::Shots;
 
+use crate::image::scan_layers::Surface;
+
 /// An echo as a point of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
@@ -32,6 +34,8 @@ pub struct Point {
     pub channel: u16,
     /// Number of the object on the axis of the shot, if the echo comes from there; else 0.
     pub object: u32,
+    /// Radial velocity of that object in m/s, receding positive; NaN if it is not known, and for other echoes.
+    pub velocity: f32,
 }
 
 /// The waveforms of the shots of a LiDAR.
@@ -44,8 +48,8 @@ pub struct Waveforms<'a> {
     pub begin: f64,
     /// See `begin`.
     pub width: f64,
-    /// Range and object of the first surface on the axis of each shot (range 0: none); `None` if they are not known.
-    pub surfaces: Option<&'a [(f32, u32)]>,
+    /// The first surface on the axis of each shot (range 0: none); `None` if they are not known.
+    pub surfaces: Option<&'a [Surface]>,
 }
 
 impl Waveforms<'_> {
@@ -65,12 +69,12 @@ impl Waveforms<'_> {
     fn points_of(&self, number: usize, waveform: &[f64], finder: &Finder) -> Vec<Point> {
         let found = finder.echoes(waveform);
         let (place, direction) = (self.shots.places[number], self.shots.directions[number]);
-        let surface = self.surfaces.map(|surfaces| surfaces[number]).filter(|(range, _)| *range > 0.0);
+        let surface = self.surfaces.map(|surfaces| surfaces[number]).filter(|surface| surface.range > 0.0);
         let range_at = |position: f64| 0.5 * (self.begin + position * self.width);
         let point = |(k, echo): (usize, &echoes::Echo)| {
             let bins = range_at(echo.begin as f64 - 1.0)..=range_at(echo.end as f64 + 1.0);
-            let hit = surface.filter(|(range, _)| bins.contains(&f64::from(*range)));
-            let range = hit.map_or(range_at(echo.position), |(range, _)| range.into());
+            let hit = surface.filter(|surface| bins.contains(&f64::from(surface.range)));
+            let range = hit.map_or(range_at(echo.position), |surface| surface.range.into());
             Point {
                 position: place + range * direction,
                 range,
@@ -79,7 +83,8 @@ impl Waveforms<'_> {
                 echoes: found.len() as u8,
                 time: self.shots.times[number],
                 channel: self.shots.channels[number],
-                object: hit.map_or(0, |(_, object)| object),
+                object: hit.map_or(0, |surface| surface.object),
+                velocity: hit.map_or(f32::NAN, |surface| surface.velocity),
             }
         };
         found.iter().enumerate().map(point).collect()
@@ -110,11 +115,13 @@ mod tests {
         values.iter_mut().skip(1).step_by(2).for_each(|x| *x = f32::NAN);
         let white = shots.white as f32;
         (values[2 * 4], values[2 * 12]) = (0.5 * white, 0.25 * white);
-        let surfaces = [(5.4567, 9), (0.0, 0)];
+        let surface = |range, object| Surface { range, object, velocity: 2.5 };
+        let surfaces = [surface(5.4567, 9), surface(0.0, 0)];
         let waveforms = Waveforms { shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces: Some(&surfaces) };
         let cloud = waveforms.cloud(&FINDER);
         assert_eq!(cloud.len(), 2);
         assert!((cloud[0].range - 5.4567).abs() < 1e-6 && cloud[0].object == 9);
+        assert!(cloud[0].velocity == 2.5 && cloud[1].velocity.is_nan());
         assert!((cloud[0].position - DVec3::new(1.0, 2.0, 3.0 - 5.4567)).length() < 1e-6);
         // The centre of bin 12, there and back.
         assert!((cloud[1].range - 13.5).abs() < 1e-9 && cloud[1].object == 0);

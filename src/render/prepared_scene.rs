@@ -177,6 +177,11 @@ impl PreparedScene {
         Ok(!self.emitters.table.is_empty())
     }
 
+    /// Aims the rays of another camera with [`crate::scene::Projection::Aimed`].
+    pub fn aim(&mut self, camera: &Camera) {
+        self.aims = self.space.aims(camera);
+    }
+
     /// The render space of the scene.
     pub fn space(&self) -> RenderSpace {
         self.space

@@ -7,9 +7,12 @@
 mod moving;
 
 use std::collections::BTreeMap;
+use std::mem::take;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+
+use glam::DVec3;
 
 use crate::error::{ErrorKind, Result};
 use crate::gpu::Device;
@@ -21,12 +24,12 @@ use crate::job::memory::{self, ImageParts};
 use crate::render::schedule::Schedule;
 use crate::render::space::RenderSpace;
 use crate::render::{
-    FirstSurface, MemoryPlan, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, object_ids,
+    FirstSurface, MemoryPlan, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, first_surfaces, object_ids,
 };
 use crate::scene::{Camera, Scene};
 use crate::settings::aov::Aov;
 use crate::settings::{Budget, Settings};
-pub use moving::Moving;
+pub use moving::{Moving, Velocities};
 
 /// Maximum number of segments of light that comes straight back to a LiDAR.
 const STRAIGHT_BACK: u32 = 2;
@@ -123,6 +126,25 @@ pub struct Measurement {
     dropped_before: u64,
     /// Time of the shot that the scene is posed for, if objects move.
     posed: Option<f64>,
+    /// What the beams met so far, if the user wants layers and the LiDAR or objects move.
+    seen: Option<Seen>,
+}
+
+/// The first surfaces of the beams of a scan, and the names of their objects.
+#[derive(Default)]
+struct Seen {
+    hits: Vec<Hit>,
+    objects: BTreeMap<u32, String>,
+}
+
+impl Seen {
+    /// `point`: number of the beam. `velocity`: see [`Hit::velocity`].
+    fn set(&mut self, point: usize, surface: &FirstSurface, scene: &Scene, ids: &[u32], velocity: f32) {
+        let FirstSurface { distance, normal, albedo, instance, .. } = *surface;
+        let object = ids[instance as usize];
+        self.hits[point] = Hit { range: distance, normal, albedo, object, velocity };
+        self.objects.entry(object).or_insert_with(|| scene.instances[instance as usize].node.clone());
+    }
 }
 
 impl Measurement {
@@ -138,7 +160,7 @@ impl Measurement {
         }
         let film = ScanFilm::new(&scan, of.settings.responses().len(), has_variance);
         let posed = scan.times.as_ref().map(|times| times[0]);
-        Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0, dropped_before: 0, posed })
+        Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0, dropped_before: 0, posed, seen: None })
     }
 
     /// Number of points of the laser measured so far.
@@ -173,19 +195,20 @@ impl Measurement {
 
     /// What each point of the sensor shows on the axis of its line of sight. Fails if the device is lost.
     pub fn layers(&self, device: &Device, chosen: Aov) -> Result<ScanLayers> {
+        let chosen = Aov { arrival: false, ..chosen };
+        if let Some(Seen { hits, objects }) = &self.seen {
+            return Ok(ScanLayers { chosen, hits: hits.clone(), objects: objects.clone() });
+        }
         let (scene, settings) = self.scene();
         let points = self.scan.sensor_points.as_ref().unwrap_or(&self.scan.laser_points);
         let ids = object_ids(scene);
-        let mut hits = vec![Hit::default(); points.len()];
-        let mut objects = BTreeMap::new();
+        let mut seen = Seen { hits: vec![Hit::NONE; points.len()], objects: BTreeMap::new() };
         let camera = Scan::camera_at(self.scan.sensor, points);
         aimed_surfaces(device, scene, settings, &camera, &mut |point, surface| {
-            let FirstSurface { distance, normal, albedo, instance, .. } = surface;
-            let object = ids[instance as usize];
-            hits[point] = Hit { range: distance, normal, albedo, object };
-            objects.entry(object).or_insert_with(|| scene.instances[instance as usize].node.clone());
+            // Nothing moves.
+            seen.set(point, &surface, scene, &ids, 0.0);
         })?;
-        Ok(ScanLayers { chosen: Aov { arrival: false, ..chosen }, hits, objects })
+        Ok(ScanLayers { chosen, hits: seen.hits, objects: seen.objects })
     }
 
     /// The scene and the settings of the renders.
@@ -226,6 +249,7 @@ impl Measurement {
             true => self.pose(points.start)?,
             false => self.follow(points.start)?,
         }
+        self.see(points.clone())?;
         match self.of.beams {
             Some(beams) => self.turn_beams(points.start..points.start + beams)?,
             None => self.turn(points.start)?,
@@ -263,6 +287,40 @@ impl Measurement {
             return self.renew();
         }
         self.prepare(number, scene, |_| space)
+    }
+
+    /// Also notes what each beam meets first, for [`Measurement::layers`]. Call it before the first point. It has no effect on a scan without
+    /// motion, whose layers need not be noted.
+    pub fn look_at_surfaces(&mut self) {
+        if self.scan.places.is_some() || self.of.moving.is_some() {
+            let count = self.scan.laser_points.len();
+            self.seen = Some(Seen { hits: vec![Hit::NONE; count], objects: BTreeMap::new() });
+        }
+    }
+
+    /// Notes what the beams `points`, which are fired at once, meet first.
+    fn see(&mut self, points: Range<usize>) -> Result<()> {
+        let Some(mut seen) = self.seen.take() else { return Ok(()) };
+        let mut scene = take(&mut self.of.scene);
+        self.look_from(points.start, &mut scene);
+        let PreparedScan { settings, prepared, moving, .. } = &mut self.of;
+        let place = self.scan.laser_at(points.start);
+        let own = self.scan.velocity_at(points.start);
+        let time = self.scan.times.as_ref().map(|times| times[points.start]);
+        let velocities = moving.as_ref().zip(time).map(|(moving, time)| moving.velocities(time, &scene)).transpose()?;
+        let ids = object_ids(&scene);
+        prepared.aim(&scene.cameras[settings.camera()]);
+        let device = self.renderer.device();
+        let looked = first_surfaces(device, &scene, settings, prepared, &mut |pixel, surface| {
+            let Some(point) = points.clone().nth(pixel) else { return };
+            let direction = (self.scan.laser_points[point] - place).normalize();
+            let there = place + direction * f64::from(surface.distance);
+            let of = |velocities: &Velocities| velocities.of(surface.instance as usize, there);
+            let velocity = velocities.as_ref().map_or(DVec3::ZERO, of) - own;
+            seen.set(point, &surface, &scene, &ids, velocity.dot(direction) as f32);
+        });
+        (self.of.scene, self.seen) = (scene, Some(seen));
+        looked
     }
 
     /// Prepares the scene again if the LiDAR is too far from the origin of render space at its shot `number`.

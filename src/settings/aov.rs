@@ -13,18 +13,22 @@ pub struct Aov {
     pub albedo: bool,
     pub object: bool,
     pub arrival: bool,
+    /// For scans of a LiDAR alone.
+    pub velocity: bool,
 }
 
 impl Aov {
-    pub const ALL: Aov = Aov { depth: true, normal: true, albedo: true, object: true, arrival: true };
+    /// All layers of an image.
+    pub const ALL: Aov = Aov { depth: true, normal: true, albedo: true, object: true, arrival: true, velocity: false };
 
-    fn parts(&mut self) -> [(&'static str, &mut bool); 5] {
+    fn parts(&mut self) -> [(&'static str, &mut bool); 6] {
         [
             ("depth", &mut self.depth),
             ("normal", &mut self.normal),
             ("albedo", &mut self.albedo),
             ("object", &mut self.object),
             ("arrival", &mut self.arrival),
+            ("velocity", &mut self.velocity),
         ]
     }
 
@@ -59,7 +63,7 @@ impl FromStr for Aov {
 fn not_a_layer(name: &str) -> Error {
     Error::advice(
         format!("'{name}' is not an auxiliary layer: "),
-        "give all, or some of depth,normal,albedo,object,arrival",
+        "give all, or some of depth,normal,albedo,object,arrival; velocity is for scans",
     )
 }
 

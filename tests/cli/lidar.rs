@@ -53,6 +53,7 @@ struct Point {
     time: f64,
     channel: u16,
     object: u32,
+    velocity: f32,
 }
 
 fn read(path: &Path) -> Vec<Point> {
@@ -67,9 +68,10 @@ fn read(path: &Path) -> Vec<Point> {
             time: f64_at(30),
             channel: u16::from_le_bytes([record[38], record[39]]),
             object: u32::from_le_bytes(record[40..44].try_into().unwrap()),
+            velocity: f32::from_le_bytes(record[44..48].try_into().unwrap()),
         }
     };
-    bytes[begin..].chunks_exact(44).map(point).collect()
+    bytes[begin..].chunks_exact(48).map(point).collect()
 }
 
 /// Where the shots that meet the wall meet it, with their channels and times, in order.
@@ -181,23 +183,30 @@ fn mistakes_are_named_and_leave_no_file() {
 }
 
 #[test]
-fn objects_move_inside_the_animations_and_without_layers() {
+fn objects_move_inside_the_animations_and_have_velocities() {
     let here = folder();
     let here = here.path();
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let turn = std::fs::read_to_string(scenes.join("street-turn.toml")).unwrap();
     let turn = turn.replace("street", &format!("{}/street", scenes.display())).replace("steps = 1800", "steps = 4");
     std::fs::write(here.join("turn.toml"), &turn).unwrap();
-    let still = turn.lines().filter(|line| !line.starts_with("trajectory")).collect::<Vec<_>>().join("\n");
-    std::fs::write(here.join("still.toml"), still).unwrap();
+    std::fs::copy(scenes.join("street.glb"), here.join("street.glb")).unwrap();
     for (arguments, part) in [
         (&["turn.toml", "--at", "1.93s"][..], "the last shot is fired at 2.005 s of the animations, which end at 2 s"),
-        (&["still.toml", "--aov", "depth"], "objects move between the shots; leave out --aov"),
+        (
+            &["street.glb", "--aov", "velocity", "--resolution", "8x8", "--at", "1s"],
+            "the velocity is a layer of scans: leave it out of --aov",
+        ),
         (&["turn.toml", "--shutter", "0..1ms"], "a scan has no shutter"),
     ] {
-        fails(here, &[&["render"], arguments, &["-o", "x.npy"]].concat(), 2, part);
+        fails(
+            here,
+            &[&["render"], arguments, &["-o", if part.contains("layer") { "x.exr" } else { "x.npy" }]].concat(),
+            2,
+            part,
+        );
     }
-    assert!(!here.join("x.npy").exists());
+    assert!(!names(here).iter().any(|name| name.starts_with('x')));
     // The other car is 12 m nearer than in the file.
     run(here, &["render", "turn.toml", "-o", "moving.npy", "-q"]);
     let toml = turn.replace("[input]\nat = \"1s\"", "");
@@ -205,6 +214,16 @@ fn objects_move_inside_the_animations_and_without_layers() {
     run(here, &["render", "without.toml", "-o", "without.npy", "-q"]);
     let bytes = |name: &str| std::fs::read(here.join(name)).unwrap();
     assert!(bytes("moving.npy") != bytes("without.npy"));
+
+    // Ahead, the other car comes at 17 m/s, and this one drives at 10 m/s: the first shots see it.
+    let ahead = turn.replace("azimuth = [0, 360], steps = 4", "azimuth = [-4, -2], steps = 4").replace("100ms", "1ms");
+    std::fs::write(here.join("ahead.toml"), ahead).unwrap();
+    run(here, &["render", "ahead.toml", "--aov", "depth,object,velocity", "-o", "ahead.npy", "-q"]);
+    run(here, &["lidar", "ahead.npy", "-o", "ahead-cloud.npy"]);
+    let cloud = read(&here.join("ahead-cloud.npy"));
+    let velocities: Vec<f32> = cloud.iter().map(|point| point.velocity).filter(|v| !v.is_nan()).collect();
+    let close = |wanted: f32| velocities.iter().filter(|v| (**v - wanted).abs() < 0.3).count();
+    assert!(close(-27.0) > 0 && close(-10.0) > 0, "{velocities:?}");
 }
 
 /// A car that drives towards the wall, and turns: each shot has its own place, and the time in the trajectory.

@@ -1,4 +1,4 @@
-//! A LiDAR scans while a wall drives towards it: the range of each shot against geometry.
+//! A LiDAR scans while a wall drives towards it: range and radial velocity of each shot against geometry.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -50,13 +50,30 @@ fn write(folder: &Path, drives: bool, duration: &str) -> std::path::PathBuf {
     path
 }
 
-/// The range of each shot, and how many renders they took.
-fn ranges(path: &Path, depth: &str) -> (Vec<f64>, usize) {
+/// The range of each shot, and how many renders they took. Checks range and velocity of the surfaces that the layers show.
+fn ranges(path: &Path, depth: &str, drives: Option<bool>) -> (Vec<f64>, usize) {
     let at = AT.to_string();
-    let job = Job::open_with(path, [("at", &*at), ("max-depth", depth), ("spp", "16"), ("estimator", "bdpt")]).unwrap();
+    let flags =
+        [("at", &*at), ("max-depth", depth), ("spp", "16"), ("estimator", "bdpt"), ("aov", "depth,object,velocity")];
+    let job = Job::open_with(path, flags).unwrap();
     let mut scan = job.prepare_scan(&device()).unwrap_or_else(|e| panic!("{e}"));
     let mut renders = 0;
     scan.run(&Arc::default(), |_| renders += 1).unwrap();
+    let layers = scan.layers().unwrap().unwrap();
+    for (shot, hit) in layers.hits.iter().enumerate() {
+        let azimuth = azimuth(shot);
+        let approach = drives.map_or(0.0, |_| SPEED) + if drives == Some(true) { DRIVE[1] } else { 0.0 };
+        let aside = if drives == Some(true) { DRIVE[0] } else { 0.0 };
+        let velocity = -approach * azimuth.cos() - aside * azimuth.sin();
+        assert!(
+            (f64::from(hit.velocity) - velocity).abs() < 0.02,
+            "shot {shot}: {} m/s, expected {velocity}",
+            hit.velocity
+        );
+        let range = expected(shot, drives.is_some(), drives == Some(true));
+        assert!((f64::from(hit.range) - range).abs() < 1e-4 && hit.object == 1, "shot {shot}: {hit:?}");
+    }
+    assert_eq!(layers.objects[&1], "wall");
     let light = scan.into_arrays().0.means;
     let range = |shot: usize| {
         let bins: Vec<f64> = light.iter().skip(shot).step_by(SHOTS).map(|&x| f64::from(x)).collect();
@@ -67,19 +84,21 @@ fn ranges(path: &Path, depth: &str) -> (Vec<f64>, usize) {
     ((0..SHOTS).map(range).collect(), renders)
 }
 
+fn azimuth(shot: usize) -> f64 {
+    (AZIMUTH[0] + shot as f64 / (SHOTS - 1) as f64 * (AZIMUTH[1] - AZIMUTH[0])).to_radians()
+}
+
 fn expected(shot: usize, moves: bool, drives: bool) -> f64 {
-    let turn = shot as f64 / (SHOTS - 1) as f64;
-    let azimuth = (AZIMUTH[0] + turn * (AZIMUTH[1] - AZIMUTH[0])).to_radians();
     let time = DURATION * shot as f64 / SHOTS as f64;
     let wall = DISTANCE - SPEED * (AT + if moves { time } else { 0.0 });
-    (wall - if drives { DRIVE[1] * time } else { 0.0 }) / azimuth.cos()
+    (wall - if drives { DRIVE[1] * time } else { 0.0 }) / azimuth(shot).cos()
 }
 
 #[test]
 fn each_shot_sees_the_wall_where_it_is() {
     let folder = tempfile::tempdir().unwrap();
     for (drives, depth) in [(false, "2"), (true, "2"), (false, "3"), (true, "3")] {
-        let (found, renders) = ranges(&write(folder.path(), drives, "duration = '120ms'"), depth);
+        let (found, renders) = ranges(&write(folder.path(), drives, "duration = '120ms'"), depth, Some(drives));
         assert_eq!(renders, SHOTS);
         let error = |moves: bool| {
             let of_shot = |(shot, range): (usize, &f64)| (range - expected(shot, moves, drives)).abs();
@@ -89,11 +108,8 @@ fn each_shot_sees_the_wall_where_it_is() {
         assert!(error(true) < 1e-3 && error(false) > 1.0, "drives {drives}, depth {depth}: {found:?}");
     }
     // Without times of the shots, nothing moves.
-    let (found, renders) = ranges(&write(folder.path(), false, ""), "2");
+    let (found, renders) = ranges(&write(folder.path(), false, ""), "2", None);
     assert_eq!(renders, 1);
-    let wall = |shot: usize| {
-        let azimuth = AZIMUTH[0] + shot as f64 / (SHOTS - 1) as f64 * (AZIMUTH[1] - AZIMUTH[0]);
-        (DISTANCE - SPEED * AT) / azimuth.to_radians().cos()
-    };
-    assert!(found.iter().enumerate().all(|(shot, range)| (range - wall(shot)).abs() < 1e-3), "{found:?}");
+    let is_right = |(shot, range): (usize, &f64)| (range - expected(shot, false, false)).abs() < 1e-3;
+    assert!(found.iter().enumerate().all(is_right), "{found:?}");
 }

@@ -10,7 +10,7 @@ use crate::settings::values::Resolution;
 
 /// Adds the laser and the sensor of `table` to the scene, aimed at their first points, and selects them in `experiment`.
 pub(super) fn apply(table: &ScanTable, experiment: &mut Experiment, scene: &mut Scene) -> Result<()> {
-    check(table, experiment)?;
+    check(experiment)?;
     let scan = table.scan().map_err(|message| Error::settings(format!("[scan]: {message}")))?;
     scene.add_camera(scan.camera(0));
     scene.lights.push(scan.light(0));
@@ -21,7 +21,7 @@ pub(super) fn apply(table: &ScanTable, experiment: &mut Experiment, scene: &mut 
 }
 
 /// Fails if the experiment has settings that a scan does not have: a camera, lights, frames, or files that a scan does not write.
-fn check(table: &ScanTable, experiment: &Experiment) -> Result<()> {
+fn check(experiment: &Experiment) -> Result<()> {
     let output = &experiment.output;
     let has_lights = !experiment.light.is_empty() || experiment.emitter != Default::default();
     let has_arrival = output.aov.is_some_and(|aov| aov.arrival && aov != Aov::ALL);
@@ -31,11 +31,6 @@ fn check(table: &ScanTable, experiment: &Experiment) -> Result<()> {
         ("--frames", output.frames.is_some(), "render the scans of a sequence one by one, with --at"),
         ("--fps", output.fps.is_some(), "it is a single moment, which --at chooses"),
         ("--gate-keys", experiment.gate.gate_keys.is_some(), "give it gates with --gates"),
-        (
-            "--aov",
-            output.aov.is_some() && table.trajectory.is_some(),
-            "layers are those of one place, and a trajectory moves the LiDAR",
-        ),
         ("--aov arrival", has_arrival, "its histograms show when light arrives"),
         ("--png", output.png.is_some(), "a scan has no image"),
         ("--png-gates", output.png_gates.is_some(), "a scan has no image"),

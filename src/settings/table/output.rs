@@ -38,7 +38,7 @@ table! {
         exposure: Exposure, Setting::output("exposure", "EV|auto").form(Form::Signed);
 
         /// Also write auxiliary layers to the image file: all, or some of depth,normal,albedo,object,arrival (distance, unit
-        /// normal, colour and object of the first surface at the centre of each pixel; optical path of the first light)
+        /// normal, colour and object of the first surface at the centre of each pixel; optical path of the first light); for scans also velocity
         aov: Aov, Setting::output("aov", "NAME,...").also(Python);
 
         /// Also write statistics: rays, times, the mean and its error, dropped samples, the fraction of light inside the gate
