@@ -60,6 +60,14 @@ def test_a_lidar_on_a_car_has_a_place_and_a_time_per_shot(tmp_path):
     assert np.array(about["laser_places"])[96] == pytest.approx([-0.0098, 1.6, -0.75], abs=1e-3)
     with pytest.raises(taugate.SettingsError, match="this LiDAR moves"):
         scan.to_tal(tmp_path / "scan.hdf5")
+    # The other car comes nearer from shot to shot, unless the scene stands still.
+    (tmp_path / "still.toml").write_text(turn.replace('at = "1s"', ""))
+    still = taugate.scan(tmp_path / "still.toml", gates="4m..144m/70", spp=4)
+    assert still.data.any() and not np.array_equal(scan.data, still.data)
+    moved = taugate.load(tmp_path / "turn.toml", moves=["car"])
+    moved.set_transform("car", moved.transform("car"))
+    with pytest.raises(taugate.SettingsError, match="do not move nodes"):
+        taugate.scan(moved, gates="4m..144m/70", spp=4)
 
 
 def test_layers_of_a_scan_stay_with_it(tmp_path):

@@ -5,31 +5,26 @@
 #![warn(missing_docs)]
 
 mod moving;
+mod places;
+mod seen;
 
-use std::collections::BTreeMap;
-use std::mem::take;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use glam::DVec3;
-
 use crate::error::{ErrorKind, Result};
 use crate::gpu::Device;
 use crate::image::scan_file::{ScanArrays, ScanFilm};
-use crate::image::scan_layers::{Hit, ScanLayers};
 use crate::input::scan_table::Scan;
 use crate::job::iterations::{Abandons, End, Iterations};
 use crate::job::memory::{self, ImageParts};
 use crate::render::schedule::Schedule;
 use crate::render::space::RenderSpace;
-use crate::render::{
-    FirstSurface, MemoryPlan, PreparedScene, Renderer, aimed_surfaces, check_aimed_points, first_surfaces, object_ids,
-};
-use crate::scene::{Camera, Scene};
-use crate::settings::aov::Aov;
+use crate::render::{MemoryPlan, PreparedScene, Renderer, check_aimed_points};
+use crate::scene::Scene;
 use crate::settings::{Budget, Settings};
 pub use moving::{Moving, Velocities};
+use seen::Seen;
 
 /// Maximum number of segments of light that comes straight back to a LiDAR.
 const STRAIGHT_BACK: u32 = 2;
@@ -130,23 +125,6 @@ pub struct Measurement {
     seen: Option<Seen>,
 }
 
-/// The first surfaces of the beams of a scan, and the names of their objects.
-#[derive(Default)]
-struct Seen {
-    hits: Vec<Hit>,
-    objects: BTreeMap<u32, String>,
-}
-
-impl Seen {
-    /// `point`: number of the beam. `velocity`: see [`Hit::velocity`].
-    fn set(&mut self, point: usize, surface: &FirstSurface, scene: &Scene, ids: &[u32], velocity: f32) {
-        let FirstSurface { distance, normal, albedo, instance, .. } = *surface;
-        let object = ids[instance as usize];
-        self.hits[point] = Hit { range: distance, normal, albedo, object, velocity };
-        self.objects.entry(object).or_insert_with(|| scene.instances[instance as usize].node.clone());
-    }
-}
-
 impl Measurement {
     /// Uploads the scene and compiles the kernels. Fails as [`Renderer::new`]. Also fails if a point of the scan must lie on a surface
     /// but does not.
@@ -191,24 +169,6 @@ impl Measurement {
     /// Number of samples that were not finite. They count as 0.
     pub fn dropped(&self) -> u64 {
         self.dropped_before + self.renderer.dropped()
-    }
-
-    /// What each point of the sensor shows on the axis of its line of sight. Fails if the device is lost.
-    pub fn layers(&self, device: &Device, chosen: Aov) -> Result<ScanLayers> {
-        let chosen = Aov { arrival: false, ..chosen };
-        if let Some(Seen { hits, objects }) = &self.seen {
-            return Ok(ScanLayers { chosen, hits: hits.clone(), objects: objects.clone() });
-        }
-        let (scene, settings) = self.scene();
-        let points = self.scan.sensor_points.as_ref().unwrap_or(&self.scan.laser_points);
-        let ids = object_ids(scene);
-        let mut seen = Seen { hits: vec![Hit::NONE; points.len()], objects: BTreeMap::new() };
-        let camera = Scan::camera_at(self.scan.sensor, points);
-        aimed_surfaces(device, scene, settings, &camera, &mut |point, surface| {
-            // Nothing moves.
-            seen.set(point, &surface, scene, &ids, 0.0);
-        })?;
-        Ok(ScanLayers { chosen, hits: seen.hits, objects: seen.objects })
     }
 
     /// The scene and the settings of the renders.
@@ -263,111 +223,6 @@ impl Measurement {
         self.film.set(first, points.len() * pairs, self.renderer.film(), self.renderer.responses());
         (self.measured, self.samples) = (points.end, self.renderer.film().samples());
         Ok(end)
-    }
-
-    /// Moves the objects of the scene to where they are at shot `number`. The device holds two copies of the scene for a moment.
-    fn pose(&mut self, number: usize) -> Result<()> {
-        let time = self.scan.times.as_ref().expect("objects move over time")[number];
-        let moving = self.of.moving.as_ref().expect("the caller asks first");
-        if self.posed == Some(time) {
-            return Ok(());
-        }
-        let mut scene = moving.scene_at(time, &self.of.scene)?;
-        self.look_from(number, &mut scene);
-        let PreparedScan { scene: before, settings, prepared, home, .. } = &mut self.of;
-        let camera = &scene.cameras[settings.camera()];
-        let space = match home.sensor(camera.transform.translation) {
-            Some(_) => *home,
-            None => RenderSpace::of_camera(&scene, camera, settings.emitters()),
-        };
-        let can_follow = before.has_same_objects(&scene);
-        self.posed = Some(time);
-        if can_follow && prepared.follow_surfaces_in(&scene, settings, space)? {
-            self.of.scene = scene;
-            return self.renew();
-        }
-        self.prepare(number, scene, |_| space)
-    }
-
-    /// Also notes what each beam meets first, for [`Measurement::layers`]. Call it before the first point. It has no effect on a scan without
-    /// motion, whose layers need not be noted.
-    pub fn look_at_surfaces(&mut self) {
-        if self.scan.places.is_some() || self.of.moving.is_some() {
-            let count = self.scan.laser_points.len();
-            self.seen = Some(Seen { hits: vec![Hit::NONE; count], objects: BTreeMap::new() });
-        }
-    }
-
-    /// Notes what the beams `points`, which are fired at once, meet first.
-    fn see(&mut self, points: Range<usize>) -> Result<()> {
-        let Some(mut seen) = self.seen.take() else { return Ok(()) };
-        let mut scene = take(&mut self.of.scene);
-        self.look_from(points.start, &mut scene);
-        let PreparedScan { settings, prepared, moving, .. } = &mut self.of;
-        let place = self.scan.laser_at(points.start);
-        let own = self.scan.velocity_at(points.start);
-        let time = self.scan.times.as_ref().map(|times| times[points.start]);
-        let velocities = moving.as_ref().zip(time).map(|(moving, time)| moving.velocities(time, &scene)).transpose()?;
-        let ids = object_ids(&scene);
-        prepared.aim(&scene.cameras[settings.camera()]);
-        let device = self.renderer.device();
-        let looked = first_surfaces(device, &scene, settings, prepared, &mut |pixel, surface| {
-            let Some(point) = points.clone().nth(pixel) else { return };
-            let direction = (self.scan.laser_points[point] - place).normalize();
-            let there = place + direction * f64::from(surface.distance);
-            let of = |velocities: &Velocities| velocities.of(surface.instance as usize, there);
-            let velocity = velocities.as_ref().map_or(DVec3::ZERO, of) - own;
-            seen.set(point, &surface, &scene, &ids, velocity.dot(direction) as f32);
-        });
-        (self.of.scene, self.seen) = (scene, Some(seen));
-        looked
-    }
-
-    /// Prepares the scene again if the LiDAR is too far from the origin of render space at its shot `number`.
-    fn follow(&mut self, number: usize) -> Result<()> {
-        let place = self.scan.places.as_ref().map(|places| places[number]);
-        if place.is_none_or(|place| self.of.prepared.reaches(place)) {
-            return Ok(());
-        }
-        let mut scene = self.of.scene.clone();
-        self.look_from(number, &mut scene);
-        let space =
-            RenderSpace::of_camera(&scene, &scene.cameras[self.of.settings.camera()], self.of.settings.emitters());
-        self.prepare(number, scene, |_| space)
-    }
-
-    /// Puts laser and sensor where they are at shot `number`.
-    fn look_from(&self, number: usize, scene: &mut Scene) {
-        let PreparedScan { settings, beams, .. } = &self.of;
-        *scene.lights.last_mut().expect("the laser is the last light") = self.scan.light(number);
-        scene.cameras[settings.camera()] = match beams {
-            Some(beams) => self.scan.beams(number..number + beams, settings.seed()).0,
-            None => self.scan.camera(number),
-        };
-    }
-
-    /// Prepares the scene of shot `number` anew.
-    fn prepare(&mut self, number: usize, scene: Scene, space: impl FnOnce(&Camera) -> RenderSpace) -> Result<()> {
-        let PreparedScan { settings, beams, .. } = &self.of;
-        let prepared = PreparedScene::in_space(&scene, settings, space)?;
-        let prepared = match beams {
-            Some(beams) => prepared.with_own_lasers(&self.scan.beams(number..number + beams, settings.seed()).1),
-            None => prepared,
-        };
-        (self.of.scene, self.of.prepared) = (scene, prepared);
-        self.renew()
-    }
-
-    /// Makes a renderer of the prepared scene. The device holds two copies of the scene for a moment.
-    fn renew(&mut self) -> Result<()> {
-        let PreparedScan { scene, settings, prepared, .. } = &self.of;
-        let mut renderer = Renderer::from_prepared(self.renderer.device(), scene, settings, prepared)?;
-        if self.renderer.has_response_variance() {
-            renderer.estimate_response_variance();
-        }
-        self.dropped_before = self.dropped();
-        self.renderer = renderer;
-        Ok(())
     }
 
     /// Turns laser and sensor to point `number` of the laser.
