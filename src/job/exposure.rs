@@ -196,7 +196,12 @@ impl Iterate for Exposed<'_> {
             self.ready.renderer.turn_waves(self.exposure.heterodyne * (at - self.exposure.begin));
             if let Err(error) = shown {
                 self.ready.renderer.abandon();
-                return Err(error);
+                return Err(match error {
+                    Error::Settings(mistake) => {
+                        Error::Settings(mistake.after(&format!("at {} s of the animations: ", rounded(at))))
+                    }
+                    other => other,
+                });
             }
             if !self.ready.renderer.iterate_rows(samples, rows, stop)? {
                 return Ok(false);

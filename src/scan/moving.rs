@@ -7,7 +7,7 @@ use crate::input::experiment::Experiment;
 use crate::input::scan_table::Scan;
 use crate::input::scenery;
 use crate::job::read;
-use crate::scene::{Instance, Scene};
+use crate::scene::Scene;
 use crate::settings::moment::Moment;
 
 /// The animations of a scan's scene. They play while the shots are fired.
@@ -72,17 +72,16 @@ impl Moving {
         let (before, after) = (self.pose(from)?, self.pose(to)?);
         let rate = |index: usize| {
             let now = &scene.instances[index];
-            let [a, b] = [&before, &after].map(|other| (&other.instances[index], other));
-            let is_rigid = |(instance, other): (&Instance, &Scene)| {
-                other.meshes[instance.mesh as usize] == scene.meshes[now.mesh as usize]
-            };
-            match scene.is_moving(now) {
-                false => Some(DAffine3::ZERO),
-                true if is_rigid(a) && is_rigid(b) => {
-                    Some(rate_of(a.0.transform, now.transform, b.0.transform, to - from))
-                }
-                true => None,
+            if !scene.is_moving(now) {
+                return Some(DAffine3::ZERO);
             }
+            // A node that is scaled to nothing at one of the times has no instance then.
+            let transform_in = |other: &Scene| {
+                let same = other.instances.get(index).filter(|instance| instance.node == now.node)?;
+                let is_rigid = other.meshes[same.mesh as usize] == scene.meshes[now.mesh as usize];
+                is_rigid.then_some(same.transform)
+            };
+            Some(rate_of(transform_in(&before)?, now.transform, transform_in(&after)?, to - from))
         };
         Ok(Velocities((0..scene.instances.len()).map(rate).collect()))
     }

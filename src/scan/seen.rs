@@ -1,6 +1,6 @@
 //! What the beams of a scan meet first: its auxiliary layers.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::mem::take;
 use std::ops::Range;
 
@@ -19,15 +19,26 @@ use crate::settings::aov::Aov;
 pub(super) struct Seen {
     hits: Vec<Hit>,
     objects: BTreeMap<u32, String>,
+    /// Numbers of the objects by name. An object that is scaled to nothing is missing in the scene, but keeps its number.
+    ids: HashMap<String, u32>,
 }
 
 impl Seen {
+    /// Nothing yet, for `count` beams. Objects have their numbers in `scene`.
+    fn new(count: usize, scene: &Scene) -> Seen {
+        let nodes = scene.instances.iter().map(|instance| instance.node.clone());
+        let ids = nodes.zip(object_ids(scene)).collect();
+        Seen { hits: vec![Hit::NONE; count], objects: BTreeMap::new(), ids }
+    }
+
     /// `point`: number of the beam. `velocity`: see [`Hit::velocity`].
-    fn set(&mut self, point: usize, surface: &FirstSurface, scene: &Scene, ids: &[u32], velocity: f32) {
+    fn set(&mut self, point: usize, surface: &FirstSurface, scene: &Scene, velocity: f32) {
         let FirstSurface { distance, normal, albedo, instance, .. } = *surface;
-        let object = ids[instance as usize];
+        let node = &scene.instances[instance as usize].node;
+        let next = self.ids.len() as u32 + 1;
+        let object = *self.ids.entry(node.clone()).or_insert(next);
         self.hits[point] = Hit { range: distance, normal, albedo, object, velocity };
-        self.objects.entry(object).or_insert_with(|| scene.instances[instance as usize].node.clone());
+        self.objects.entry(object).or_insert_with(|| node.clone());
     }
 }
 
@@ -35,17 +46,16 @@ impl Measurement {
     /// What each point of the sensor shows on the axis of its line of sight. Fails if the device is lost.
     pub fn layers(&self, device: &Device, chosen: Aov) -> Result<ScanLayers> {
         let chosen = Aov { arrival: false, ..chosen };
-        if let Some(Seen { hits, objects }) = &self.seen {
+        if let Some(Seen { hits, objects, .. }) = &self.seen {
             return Ok(ScanLayers { chosen, hits: hits.clone(), objects: objects.clone() });
         }
         let (scene, settings) = self.scene();
         let points = self.scan.sensor_points.as_ref().unwrap_or(&self.scan.laser_points);
-        let ids = object_ids(scene);
-        let mut seen = Seen { hits: vec![Hit::NONE; points.len()], objects: BTreeMap::new() };
+        let mut seen = Seen::new(points.len(), scene);
         let camera = Scan::camera_at(self.scan.sensor, points);
         aimed_surfaces(device, scene, settings, &camera, &mut |point, surface| {
             // Nothing moves.
-            seen.set(point, &surface, scene, &ids, 0.0);
+            seen.set(point, &surface, scene, 0.0);
         })?;
         Ok(ScanLayers { chosen, hits: seen.hits, objects: seen.objects })
     }
@@ -54,8 +64,7 @@ impl Measurement {
     /// motion, whose layers need not be noted.
     pub fn look_at_surfaces(&mut self) {
         if self.scan.places.is_some() || self.of.moving.is_some() {
-            let count = self.scan.laser_points.len();
-            self.seen = Some(Seen { hits: vec![Hit::NONE; count], objects: BTreeMap::new() });
+            self.seen = Some(Seen::new(self.scan.laser_points.len(), &self.of.scene));
         }
     }
 
@@ -69,7 +78,6 @@ impl Measurement {
         let own = self.scan.velocity_at(points.start);
         let time = self.scan.times.as_ref().map(|times| times[points.start]);
         let velocities = moving.as_ref().zip(time).map(|(moving, time)| moving.velocities(time, &scene)).transpose()?;
-        let ids = object_ids(&scene);
         prepared.aim(&scene.cameras[settings.camera()]);
         let device = self.renderer.device();
         let looked = first_surfaces(device, &scene, settings, prepared, &mut |pixel, surface| {
@@ -78,7 +86,7 @@ impl Measurement {
             let there = place + direction * f64::from(surface.distance);
             let of = |velocities: &Velocities| velocities.of(surface.instance as usize, there);
             let velocity = velocities.as_ref().map_or(DVec3::ZERO, of) - own;
-            seen.set(point, &surface, &scene, &ids, velocity.dot(direction) as f32);
+            seen.set(point, &surface, &scene, velocity.dot(direction) as f32);
         });
         (self.of.scene, self.seen) = (scene, Some(seen));
         looked

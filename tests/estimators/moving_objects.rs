@@ -113,3 +113,34 @@ fn each_shot_sees_the_wall_where_it_is() {
     let is_right = |(shot, range): (usize, &f64)| (range - expected(shot, false, false)).abs() < 1e-3;
     assert!(found.iter().enumerate().all(is_right), "{found:?}");
 }
+
+/// A screen before the wall is scaled to nothing in the middle of the scan. The wall keeps its number, and has no velocity.
+#[test]
+fn an_object_may_vanish_during_a_scan() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = Scene::default();
+    let white = material(&mut scene, diffuse("white", [0.8; 3]));
+    for (name, distance) in [("screen", 2.0), ("wall", 3.0)] {
+        let corner = DVec3::new(-50.0, -50.0, -distance);
+        add(&mut scene, name, white, quad(corner, 100.0 * DVec3::X, 100.0 * DVec3::Y, [1.0; 2]));
+    }
+    let sizes = vec![[1.0; 3], [0.0; 3], [0.0; 3], [1.0; 3]];
+    let motion = Motion { node: "screen", times: vec![0.0, 0.05, 0.07, 0.2], positions: sizes };
+    let mut bytes = glb::write_moving(&scene, Some(&motion));
+    let (moves, scales) = (br#""path":"translation""#, br#""path":"scale"      "#);
+    let at = bytes.windows(moves.len()).position(|window| window == moves).unwrap();
+    bytes[at..at + moves.len()].copy_from_slice(scales);
+    let path = write(folder.path(), false, "duration = '120ms'");
+    std::fs::write(folder.path().join("scene.glb"), bytes).unwrap();
+    let job = Job::open_with(&path, [("at", "0"), ("max-depth", "2"), ("spp", "4"), ("aov", "depth,object,velocity")])
+        .unwrap();
+    let mut scan = job.prepare_scan(&device()).unwrap_or_else(|e| panic!("{e}"));
+    scan.run(&Arc::default(), |_| {}).unwrap();
+    let layers = scan.layers().unwrap().unwrap();
+    let objects: Vec<u32> = layers.hits.iter().map(|hit| hit.object).collect();
+    assert_eq!(objects, [1, 1, 1, 1, 1, 2, 2, 2, 1, 1, 1, 1]);
+    // The screen shrinks towards the LiDAR by 40 m/s, along its axis.
+    assert!((layers.hits[2].velocity + 40.0).abs() < 8.0, "{:?}", layers.hits[2]);
+    assert_eq!(layers.hits[6].velocity, 0.0);
+    assert_eq!((&*layers.objects[&1], &*layers.objects[&2]), ("screen", "wall"));
+}

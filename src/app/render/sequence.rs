@@ -32,9 +32,10 @@ pub fn run(mut sequence: Sequence, session: &mut Session) -> anyhow::Result<Exit
     if let Some(last) = sequence.frames().next_back().map(|last| sequence.frame(last))
         && last.input.shutter.is_some()
     {
-        let scene = read::scene(&last)?;
-        let job = Job::new(last, scene)?;
-        Exposure::new(&job.config(), job.settings(), job.scene())?;
+        // A scene that cannot be rendered is left out later.
+        if let Ok(job) = read::scene(&last).and_then(|scene| Job::new(last, scene)) {
+            Exposure::new(&job.config(), job.settings(), job.scene())?;
+        }
     }
     let sequence = &sequence;
     session.is_sequence = true;
