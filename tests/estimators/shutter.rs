@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 use taugate::Job;
 use taugate::internals::generate::glb::{self, Motion};
-use taugate::internals::generate::parts::{emitter, material, mesh, place};
+use taugate::internals::generate::parts::{add, emitter, material, mesh, metal, place};
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::image::depth;
@@ -214,37 +214,55 @@ fn an_exposure_is_the_mean_of_its_moments() {
     }
 }
 
-/// A glowing surface recedes from a heterodyne sensor: each of its images is the mean over the exposure of a wave whose phase turns by the
-/// difference of the frequencies and by the Doppler shift.
+/// A wide glowing wall behind the sensor, which it sees in a mirror.
+fn mirrored() -> Scene {
+    let mut scene = square();
+    scene.instances.clear();
+    let smooth = material(&mut scene, metal("smooth", [1.0; 3], 0.0));
+    let corner = DVec3::new(-100.0, -100.0, 0.0);
+    let shape = quad(corner, 200.0 * DVec3::X, 200.0 * DVec3::Y, [1.0; 2]);
+    let shape = mesh(&mut scene, "mirror", smooth, shape);
+    place(&mut scene, "mirror", shape, DAffine3::IDENTITY);
+    let wall = quad(corner + 5.0 * DVec3::Z, 200.0 * DVec3::Y, 200.0 * DVec3::X, [1.0; 2]);
+    add(&mut scene, "wall", 0, wall);
+    scene
+}
+
+/// A glowing surface or a mirror recedes from a heterodyne sensor: each of its images is the mean over the exposure of a wave whose phase
+/// turns by the difference of the frequencies and by the Doppler shift. A mirror shifts twice, once before and once after the reflection.
 #[test]
 fn a_heterodyne_sensor_sees_the_doppler_shift() {
     let folder = tempfile::tempdir().unwrap();
-    let (distance, speed, duration, begin, megahertz) = (5.0, 7.0, 0.8, 0.5, 20.0);
-    let path = moving(folder.path(), &square(), "square", [0.0, 2.0].map(|time| DVec3::new(LEFT, 0.0, -speed * time)));
+    let (speed, duration, begin, megahertz) = (7.0, 0.8, 0.5, 20.0);
     let period = Frequencies::period(megahertz);
-    let from = distance - 2.0 + speed * begin;
-    for (hertz, shown) in [(1.25, "1.25"), (-2.0, "-2Hz"), (0.4, "0.4")] {
-        let flags =
-            [("estimator", "bdpt"), ("shutter", "0.5..1.3"), ("cw", "20"), ("heterodyne", shown), ("spp", "512")];
-        let job = rendered(&path, &flags);
-        let images = job.responses().unwrap();
-        let found: Vec<f64> =
-            (0..4).map(|k| f64::from(images.mean(k)[3 * (4 * W + 10) as usize + 1]) / RADIANCE).collect();
-        let expected = |speed: f64, hertz: f64| -> Vec<f64> {
-            let turning = TAU * (speed / period + hertz);
-            let image = |k: u32| {
-                let first = TAU * (from / period + 0.25 * f64::from(k));
-                0.5 + 0.5 * ((first + turning * duration).sin() - first.sin()) / (turning * duration)
+    // The sensor is at z = 3.
+    for (scene, node, x, first, rate) in
+        [(square(), "square", LEFT, 3.0, speed), (mirrored(), "mirror", 0.0, 8.0, 2.0 * speed)]
+    {
+        let path = moving(folder.path(), &scene, node, [0.0, 2.0].map(|time| DVec3::new(x, 0.0, -speed * time)));
+        for (hertz, shown) in [(1.25, "1.25"), (-2.0, "-2Hz"), (0.4, "0.4")] {
+            let flags =
+                [("estimator", "bdpt"), ("shutter", "0.5..1.3"), ("cw", "20"), ("heterodyne", shown), ("spp", "512")];
+            let job = rendered(&path, &flags);
+            let images = job.responses().unwrap();
+            let found: Vec<f64> =
+                (0..4).map(|k| f64::from(images.mean(k)[3 * (4 * W + 10) as usize + 1]) / RADIANCE).collect();
+            let expected = |rate: f64, hertz: f64| -> Vec<f64> {
+                let turning = TAU * (rate / period + hertz);
+                let image = |k: u32| {
+                    let first = TAU * ((first + rate * begin) / period + 0.25 * f64::from(k));
+                    0.5 + 0.5 * ((first + turning * duration).sin() - first.sin()) / (turning * duration)
+                };
+                (0..4).map(image).collect()
             };
-            (0..4).map(image).collect()
-        };
-        let error = |expected: &[f64]| found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let [right, still, reversed] =
-            [(speed, hertz), (1e-9, hertz), (speed, -hertz)].map(|(v, f)| error(&expected(v, f)));
-        eprintln!("{hertz} Hz: error {right:.4}, without shift {still:.3}, reversed {reversed:.3}");
-        assert!(right < 0.01 && still > 0.03 && reversed > 0.03, "{hertz} Hz: {found:?}");
-        // Its phases are none of travel times.
-        let planes = depth::planes(images, job.ready.settings.responses());
-        assert!(planes.iter().map(|(name, _)| &name[..]).eq(["cw20MHz.phase", "cw20MHz.amplitude"]));
+            let error = |expected: &[f64]| found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            let [right, half, reversed] =
+                [(rate, hertz), (0.5 * rate, hertz), (rate, -hertz)].map(|(rate, f)| error(&expected(rate, f)));
+            eprintln!("{node}, {hertz} Hz: error {right:.4}, half the shift {half:.3}, reversed {reversed:.3}");
+            assert!(right < 0.01 && half > 0.03 && reversed > 0.03, "{node}, {hertz} Hz: {found:?}");
+            // Its phases are none of travel times.
+            let planes = depth::planes(images, job.ready.settings.responses());
+            assert!(planes.iter().map(|(name, _)| &name[..]).eq(["cw20MHz.phase", "cw20MHz.amplitude"]));
+        }
     }
 }
