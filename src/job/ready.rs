@@ -126,13 +126,6 @@ impl Ready {
     /// # Panics
     /// Without [`Ready::prepared`].
     pub fn show(&mut self, scene: Scene, settings: &Settings, home: RenderSpace) -> Result<()> {
-        let paused = self.renderer.pause();
-        let moved = self.move_to(scene, settings, home);
-        self.renderer.go_on(paused);
-        moved
-    }
-
-    fn move_to(&mut self, scene: Scene, settings: &Settings, home: RenderSpace) -> Result<()> {
         let Ready { renderer, scene: before, prepared, .. } = self;
         let prepared = prepared.as_mut().expect("another moment follows");
         let camera = &scene.cameras[settings.camera()];
@@ -143,13 +136,13 @@ impl Ready {
         };
         let has_same_objects = before.has_same_objects(&scene) && sheets::have_same_thickness(before, &scene);
         let has_same_places = has_same_objects && before.has_same_places(&scene);
-        if has_same_places && prepared.follow_in(&scene, settings, space)? && renderer.set_camera(camera)? {
-            renderer.set_lights(prepared)?;
+        if has_same_places && prepared.follow_in(&scene, settings, space)? && renderer.turn_to(camera)? {
+            renderer.move_lights(prepared)?;
         } else {
             if !(has_same_objects && prepared.follow_surfaces_in(&scene, settings, space)?) {
                 *prepared = PreparedScene::in_space(&scene, settings, |_| space)?;
             }
-            *renderer = Renderer::from_prepared(renderer.device(), &scene, settings, prepared)?;
+            renderer.go_on_in(Renderer::from_prepared(renderer.device(), &scene, settings, prepared)?);
         }
         self.scene = scene;
         Ok(())

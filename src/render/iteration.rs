@@ -41,7 +41,7 @@ impl Renderer {
     }
 
     /// As [`Renderer::iterate_unless`], for some rows of the image. `rows`: those of the crop, from 0. The calls of an iteration take the
-    /// rows from top to bottom. Between two calls, [`Renderer::pause`] lets the scene change. Without all its rows, an iteration is not part of
+    /// rows from top to bottom. Between two calls, the scene may change (`moments.rs`). Without all its rows, an iteration is not part of
     /// the film; [`Renderer::abandon`] gives it up.
     pub(crate) fn iterate_rows(&mut self, samples: u32, rows: Range<u32>, stop: &Arc<AtomicBool>) -> Result<bool> {
         let max = self.plan.max_samples();

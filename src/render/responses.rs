@@ -74,7 +74,7 @@ impl ResponseSums {
         self.weights = Weights::new(&plan.responses, &plan.space);
     }
 
-    /// Turns the phases of a heterodyne sensor. [`ResponseSums::follow`] turns them back.
+    /// Turns the phases of a heterodyne sensor.
     pub fn turn_waves(&mut self, turns: f64) {
         self.weights.turn_waves(turns);
     }

@@ -56,19 +56,11 @@ impl Renderer {
     /// scene was prepared for, so positions would be imprecise. Or the two are of different kinds, such as perspective and
     /// orthographic, or aim at different numbers of points.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
-        camera.check()?;
-        let frame = self.plan.camera_frame();
-        camera.lens_limit([frame.width, frame.height])?;
-        if !self.plan.takes(camera) {
-            return Ok(false);
+        let has_turned = self.turn_to(camera)?;
+        if has_turned {
+            self.clear();
         }
-        // This may fail, so it comes before the plan changes.
-        let aims = self.plan.space.aims(camera);
-        self.scene.write_aims(&aims)?;
-        self.plan.set_camera(camera);
-        self.light.set_camera(aims);
-        self.clear();
-        Ok(true)
+        Ok(has_turned)
     }
 
     /// As [`Renderer::set_camera`], for a renderer whose pixels have lasers of their own ([`PreparedScene::with_own_lasers`]): the beams
@@ -94,9 +86,7 @@ impl Renderer {
     /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`] or [`PreparedScene::follow_nearby`]. Fails if the device is lost.
     #[doc(hidden)]
     pub fn set_lights(&mut self, prepared: &PreparedScene) -> Result<()> {
-        self.scene.write_emitters(&prepared.emitters.table)?;
-        self.light.set_lights(prepared);
-        self.plan.set_lights(prepared);
+        self.move_lights(prepared)?;
         self.clear();
         Ok(())
     }
