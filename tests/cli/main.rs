@@ -129,7 +129,7 @@ fn help_is_what_was_reviewed() {
 fn flags_of_other_renderers_say_what_to_do_instead() {
     let here = folder();
     for (flag, part) in [
-        ("--shutter", "render several moments with --at"),
+        ("--shutter-speed", "with --shutter, like 0..20ms"),
         ("--f-number", "with --aperture"),
         ("--focus-distance", "with --focus"),
         ("--k1", "with --distortion"),
