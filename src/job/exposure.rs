@@ -14,7 +14,7 @@ use crate::render::Renderer;
 use crate::render::schedule::{Following, Lengths};
 use crate::render::space::RenderSpace;
 use crate::render::split_mix::{STEP, mix};
-use crate::scene::Scene;
+use crate::scene::{Scene, gltf};
 use crate::settings::moment::Moment;
 use crate::settings::shutter::LineTime;
 use crate::settings::table::InputTable;
@@ -70,7 +70,7 @@ impl Exposure {
             line_time: rolling.map_or(0.0, |LineTime(time)| time),
             rows: settings.crop().y0..settings.crop().y1,
             home,
-            shift: mix(u64::from(settings.seed()).wrapping_mul(STEP)) as u32,
+            shift: shift_of(settings.seed()),
         }))
     }
 
@@ -120,11 +120,16 @@ impl Exposure {
     }
 }
 
+/// See [`Exposure`].
+fn shift_of(seed: u32) -> u32 {
+    mix(u64::from(seed).wrapping_mul(STEP)) as u32
+}
+
 /// Fewer moments than this may be told apart.
 const FEW_MOMENTS: u32 = 16;
 
-/// Fails if the settings have a rolling shutter or a heterodyne sensor without an exposure, if nothing in the scene moves, or if one of `rows` of the image is exposed
-/// before or after the animations.
+/// Fails if the settings have a rolling shutter or a heterodyne sensor without an exposure, or if nothing in the scene moves. Also fails if
+/// one of `rows` of the image is exposed before or after the animations.
 pub fn check(experiment: &Experiment, rows: Range<u32>) -> Result<()> {
     let InputTable { at, shutter, rolling, .. } = experiment.input;
     let Some(shutter) = shutter else {
@@ -148,7 +153,7 @@ pub fn check(experiment: &Experiment, rows: Range<u32>) -> Result<()> {
     let (frame, line_time) = (at.map_or(0.0, |Moment(at)| at), rolling.map_or(0.0, |LineTime(time)| time));
     let first = frame + shutter.open + f64::from(rows.start) * line_time;
     let last = frame + shutter.close + f64::from(rows.end - 1) * line_time;
-    if first >= 0.0 && last <= end * (1.0 + ROUNDING) {
+    if first >= 0.0 && last <= end * (1.0 + gltf::ROUNDING) {
         return Ok(());
     }
     Err(Error::advice(
@@ -161,9 +166,6 @@ pub fn check(experiment: &Experiment, rows: Range<u32>) -> Result<()> {
         format!("change --shutter, --rolling, or the time of the frame, which is {} s", rounded(frame)),
     ))
 }
-
-/// The exposure may end later than the animations by this fraction, because the times of their keys are rounded to f32.
-const ROUNDING: f64 = 1e-6;
 
 fn rounded(seconds: f64) -> f64 {
     (seconds * 1e6).round() / 1e6
@@ -193,7 +195,6 @@ impl Iterate for Exposed<'_> {
             let start = Instant::now();
             let shown = self.exposure.load(at).and_then(|(scene, settings)| self.ready.show(scene, &settings, home));
             self.ready.renderer.add_time("follow what moves", start.elapsed());
-            self.ready.renderer.turn_waves(self.exposure.heterodyne * (at - self.exposure.begin));
             if let Err(error) = shown {
                 self.ready.renderer.abandon();
                 return Err(match error {
@@ -203,6 +204,7 @@ impl Iterate for Exposed<'_> {
                     other => other,
                 });
             }
+            self.ready.renderer.turn_waves(self.exposure.heterodyne * (at - self.exposure.begin));
             if !self.ready.renderer.iterate_rows(samples, rows, stop)? {
                 return Ok(false);
             }
@@ -248,7 +250,7 @@ mod tests {
             for of_row in &mut phases {
                 assert_eq!(of_row.len(), count as usize);
                 of_row.sort_by(f64::total_cmp);
-                // The golden ratio leaves no gap of twice the mean distance, and a little.
+                // The largest gap is at most the square of the golden ratio, 2.62, in mean distances.
                 let gaps = of_row.windows(2).map(|pair| pair[1] - pair[0]).chain([of_row[0] + 1.0 - of_row[63]]);
                 assert!(gaps.fold(0.0, f64::max) < 2.7 / f64::from(count));
                 let mean = of_row.iter().sum::<f64>() / f64::from(count);
@@ -259,7 +261,7 @@ mod tests {
 
     #[test]
     fn seeds_show_other_moments() {
-        let [a, b] = [1, 2].map(|shift| Exposure { shift: mix(shift) as u32, ..exposure(0.0) }.moments(0)[0].at);
+        let [a, b] = [1, 2].map(|seed| Exposure { shift: shift_of(seed), ..exposure(0.0) }.moments(0)[0].at);
         assert!((a - b).abs() > 1e-4, "{a} and {b}");
     }
 }

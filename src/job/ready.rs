@@ -129,11 +129,7 @@ impl Ready {
         let Ready { renderer, scene: before, prepared, .. } = self;
         let prepared = prepared.as_mut().expect("another moment follows");
         let camera = &scene.cameras[settings.camera()];
-        // It depends on the moment alone, so that equal moments have equal rounding errors.
-        let space = match home.sensor(camera.transform.translation) {
-            Some(_) => home,
-            None => RenderSpace::of_camera(&scene, camera, settings.emitters()),
-        };
+        let space = home.or_of_camera(&scene, camera, settings.emitters());
         let has_same_objects = before.has_same_objects(&scene) && sheets::have_same_thickness(before, &scene);
         let has_same_places = has_same_objects && before.has_same_places(&scene);
         if has_same_places && prepared.follow_in(&scene, settings, space)? && renderer.turn_to(camera)? {

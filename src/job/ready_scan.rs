@@ -78,7 +78,7 @@ impl ReadyScan {
         warnings.extend(of_scene);
         let mut measurement = Measurement::new(&open()?, scan, prepared, has_variance)?;
         if aov != Aov::default() {
-            measurement.look_at_surfaces();
+            measurement.look_at_surfaces(aov);
         }
         Ok(ReadyScan {
             measurement,

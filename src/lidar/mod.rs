@@ -54,8 +54,8 @@ pub struct Waveforms<'a> {
 
 impl Waveforms<'_> {
     /// The points of all shots in order, and within a shot the earliest echo first. The finder's lengths are in bins, and its floor is an
-    /// intensity. An echo has the range of the first surface on the axis of the shot if that surface lies in its bins, or within a bin of
-    /// them. Otherwise its range is its position in the waveform, in a medium of index 1.
+    /// intensity. An echo has the range of the first surface on the axis of the shot, if that surface is in its bins or at most
+    /// one bin away. Otherwise its range is its position in the waveform, in a medium of index 1.
     pub fn cloud(&self, finder: &Finder) -> Vec<Point> {
         let (shots, white) = (self.shots.count(), self.shots.white);
         let shot = |number: usize| {

@@ -146,7 +146,7 @@ pub struct Planned {
     pub number: u32,
     /// Samples per pixel, at least 1.
     pub samples: u32,
-    /// Samples per pixel of all iterations before it in the whole render, if some of them may be left out in this one.
+    /// If iterations before it may be left out here: samples per pixel of all iterations before it in the whole render.
     pub after_gap: Option<u32>,
 }
 

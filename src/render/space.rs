@@ -48,6 +48,15 @@ impl RenderSpace {
         RenderSpace { origin: (place / step).round() * step, ..space }
     }
 
+    /// This space if `camera` is in its reach, else [`RenderSpace::of_camera`]. So moments of a scene that moves have the same space
+    /// whatever came before them.
+    pub fn or_of_camera(self, scene: &Scene, camera: &Camera, selected: &Emitters) -> RenderSpace {
+        match self.sensor(camera.transform.translation) {
+            Some(_) => self,
+            None => RenderSpace::of_camera(scene, camera, selected),
+        }
+    }
+
     /// Distance in metres of `camera` from the origin of [`RenderSpace::of_camera`].
     pub fn distance_of_camera(scene: &Scene, camera: &Camera, selected: &Emitters) -> f64 {
         if scene.moving.is_none() {

@@ -7,7 +7,7 @@ use crate::input::experiment::Experiment;
 use crate::input::scan_table::Scan;
 use crate::input::scenery;
 use crate::job::read;
-use crate::scene::Scene;
+use crate::scene::{Scene, gltf};
 use crate::settings::moment::Moment;
 
 /// The animations of a scan's scene. They play while the shots are fired.
@@ -23,9 +23,6 @@ pub struct Moving {
 /// Velocities come from the places of surfaces this time before and after a shot, in seconds. It is long enough for places with 32 bits.
 const STEP: f64 = 1e-3;
 
-/// The last shot may be later than the animations by this fraction, because the times of their keys are rounded to f32.
-const ROUNDING: f64 = 1e-6;
-
 impl Moving {
     /// `None` if the objects stand still: the user chose no time of the animations, or the shots have no times. The first shot sees the
     /// scene at the time of `--at`. Fails if the animations end before the last shot.
@@ -37,7 +34,7 @@ impl Moving {
         let Some(end) = read::end_of_animations(experiment)? else { return Ok(None) };
         let (first, last) = (times[0], times[times.len() - 1]);
         let seen = at + last - first;
-        if seen > end * (1.0 + ROUNDING) {
+        if seen > end * (1.0 + gltf::ROUNDING) {
             return Err(Error::advice(
                 format!("the last shot is fired at {seen} s of the animations, which end at {end} s; "),
                 "choose an earlier time with --at, or a shorter duration of the scan",

@@ -18,10 +18,7 @@ impl Measurement {
         self.look_from(number, &mut scene);
         let PreparedScan { scene: before, settings, prepared, home, .. } = &mut self.of;
         let camera = &scene.cameras[settings.camera()];
-        let space = match home.sensor(camera.transform.translation) {
-            Some(_) => *home,
-            None => RenderSpace::of_camera(&scene, camera, settings.emitters()),
-        };
+        let space = home.or_of_camera(&scene, camera, settings.emitters());
         let can_follow = before.has_same_objects(&scene);
         self.posed = Some(time);
         if can_follow && prepared.follow_surfaces_in(&scene, settings, space)? {

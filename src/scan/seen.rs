@@ -21,14 +21,16 @@ pub(super) struct Seen {
     objects: BTreeMap<u32, String>,
     /// Numbers of the objects by name. An object that is scaled to nothing is missing in the scene, but keeps its number.
     ids: HashMap<String, u32>,
+    /// Whether the user wants velocities, which need the scene just before and after each shot.
+    has_velocity: bool,
 }
 
 impl Seen {
     /// Nothing yet, for `count` beams. Objects have their numbers in `scene`.
-    fn new(count: usize, scene: &Scene) -> Seen {
+    fn new(count: usize, scene: &Scene, has_velocity: bool) -> Seen {
         let nodes = scene.instances.iter().map(|instance| instance.node.clone());
         let ids = nodes.zip(object_ids(scene)).collect();
-        Seen { hits: vec![Hit::NONE; count], objects: BTreeMap::new(), ids }
+        Seen { hits: vec![Hit::NONE; count], objects: BTreeMap::new(), ids, has_velocity }
     }
 
     /// `point`: number of the beam. `velocity`: see [`Hit::velocity`].
@@ -51,7 +53,7 @@ impl Measurement {
         }
         let (scene, settings) = self.scene();
         let points = self.scan.sensor_points.as_ref().unwrap_or(&self.scan.laser_points);
-        let mut seen = Seen::new(points.len(), scene);
+        let mut seen = Seen::new(points.len(), scene, chosen.velocity);
         let camera = Scan::camera_at(self.scan.sensor, points);
         aimed_surfaces(device, scene, settings, &camera, &mut |point, surface| {
             // Nothing moves.
@@ -60,24 +62,26 @@ impl Measurement {
         Ok(ScanLayers { chosen, hits: seen.hits, objects: seen.objects })
     }
 
-    /// Also notes what each beam meets first, for [`Measurement::layers`]. Call it before the first point. It has no effect on a scan without
-    /// motion, whose layers need not be noted.
-    pub fn look_at_surfaces(&mut self) {
+    /// Also notes what each beam meets first, for [`Measurement::layers`] with the same choice. Call it before the first point. It has no
+    /// effect on a scan without motion, whose layers need not be noted.
+    pub fn look_at_surfaces(&mut self, chosen: Aov) {
         if self.scan.places.is_some() || self.of.moving.is_some() {
-            self.seen = Some(Seen::new(self.scan.laser_points.len(), &self.of.scene));
+            self.seen = Some(Seen::new(self.scan.laser_points.len(), &self.of.scene, chosen.velocity));
         }
     }
 
     /// Notes what the beams `points`, which are fired at once, meet first.
     pub(super) fn see(&mut self, points: Range<usize>) -> Result<()> {
+        let Some(seen) = &self.seen else { return Ok(()) };
+        let time = self.scan.times.as_ref().map(|times| times[points.start]);
+        let moving = self.of.moving.as_ref().zip(time).filter(|_| seen.has_velocity);
+        let velocities = moving.map(|(moving, time)| moving.velocities(time, &self.of.scene)).transpose()?;
         let Some(mut seen) = self.seen.take() else { return Ok(()) };
         let mut scene = take(&mut self.of.scene);
         self.look_from(points.start, &mut scene);
-        let PreparedScan { settings, prepared, moving, .. } = &mut self.of;
+        let PreparedScan { settings, prepared, .. } = &mut self.of;
         let place = self.scan.laser_at(points.start);
         let own = self.scan.velocity_at(points.start);
-        let time = self.scan.times.as_ref().map(|times| times[points.start]);
-        let velocities = moving.as_ref().zip(time).map(|(moving, time)| moving.velocities(time, &scene)).transpose()?;
         prepared.aim(&scene.cameras[settings.camera()]);
         let device = self.renderer.device();
         let looked = first_surfaces(device, &scene, settings, prepared, &mut |pixel, surface| {

@@ -44,7 +44,7 @@ use std::path::{Path, PathBuf};
 
 use super::Scene;
 use crate::error::{Error, Result};
-pub use animation::Playback;
+pub use animation::{Playback, ROUNDING};
 use document::{Document, Warnings, label};
 pub use medium::from_json as medium_from_json;
 use resolve::Folders;

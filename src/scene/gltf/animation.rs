@@ -23,7 +23,7 @@ pub struct Playback<'a> {
 const NONE: &str = "none";
 /// A time may be outside the animations by this fraction of their length. The times of keys are rounded to f32, so the last key may
 /// be slightly before the last frame.
-const ROUNDING: f64 = 1e-6;
+pub const ROUNDING: f64 = 1e-6;
 /// Maximum number of key values read from a file. For larger files the maximum is the number of bytes in its buffers.
 const MAX_NUMBERS: u64 = 1 << 26;
 

@@ -39,7 +39,7 @@ table! {
         cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response", "repeat", "gate-keys"], "say which light counts").also(Page);
 
         /// Heterodyne continuous-wave sensor (Doppler time of flight): its modulation is faster than that of the light by this frequency,
-        /// such as 30Hz, so the phases of --cw turn while the --shutter is open
+        /// such as 30Hz. The phases of --cw then turn while the --shutter is open
         heterodyne: Heterodyne, Setting::gate("heterodyne", "HZ").form(Form::Signed).except(View);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
