@@ -45,6 +45,10 @@ fn beam_events(@builtin(global_invocation_id) id: vec3<u32>) {
     start.to_previous = -s.direction;
     start.flags = 1u;
     start.owner = emitter;
+    if (HAS_DOPPLER) {
+        start.selection_cdf = NONE;
+        start.select_pdf = -s.eta * dot(s.direction, emitter_velocity(emitter));
+    }
     let key = random_key(STREAM_ALPHA, path, frame.iteration, LIGHT_BIT, 2u, frame.seed);
     var segment = advance(&s, true, false, key, vec3<f32>(0.0)).segment;
     segment.length = 0.0;

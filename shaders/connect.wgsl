@@ -1,6 +1,7 @@
 // Connects shade points to the light vertices chosen for them: measurement contribution, MIS weight, visibility.
 #import candidate
 #import connection
+#import doppler
 #import ellipsoidal_connection
 #import fog
 #import shade_point
@@ -110,7 +111,11 @@ fn connected(at: PathVertex, rank: u32, slot: u32) -> vec4<f32> {
         passed *= gate_weight(delayed);
     }
     let last = select(delayed, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
-    return vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), last);
+    var light = value * passed;
+    if (HAS_DOPPLER) {
+        light = recorded(light, connected_growth(q, v, w, eta_towards(q, w)));
+    }
+    return vec4<f32>(select(vec3<f32>(0.0), light, lit), last);
 }
 
 // The entry in `contributions` for an ellipsoidal connection of q and v over the point `x`. `inverse_density`: see `EllipsoidPoint`.
@@ -160,6 +165,9 @@ fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
     }
     let key = random_key(STREAM_ALPHA, sensor.index, sensor.sample, CONNECTION_BIT | dispatch.bounce, slot % frame.slots, frame.seed);
     let lit = trace(ray_end(q, w), w, 3e38, true, NONE, key).triangle == NONE;
-    let passed = traced_transmittance(q, w, 3e38);
-    return vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), select(0.0, weight, OBSERVE == OBSERVE_STRATEGIES));
+    var light = value * traced_transmittance(q, w, 3e38);
+    if (HAS_DOPPLER) {
+        light = recorded(light, growth_to(q) - eta_towards(q, w) * dot(w, vertex_velocity(q)));
+    }
+    return vec4<f32>(select(vec3<f32>(0.0), light, lit), select(0.0, weight, OBSERVE == OBSERVE_STRATEGIES));
 }

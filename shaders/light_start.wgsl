@@ -1,6 +1,7 @@
 // Starts the light subpaths of an iteration: samples an emitter, a point on it, and a direction. A separate dispatch starts
 // one subpath for each thin beam (a beam of zero radius). All subpaths of a thin beam have the same first vertices. The separate
 // dispatch keeps these vertices once, however rarely the other subpaths draw the beam.
+#import doppler
 #import weights
 #import random
 
@@ -33,6 +34,15 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.direction = e.direction;
     s.eta = e.vertex.eta;
     s.select_pdf = e.vertex.select_pdf;
+    var instance = NONE;
+    if (HAS_DOPPLER) {
+        var velocity = emitter_velocity(emitter);
+        if (e.triangle != NONE) {
+            instance = load_triangle(e.triangle).instance;
+            velocity = instance_velocity(instance, e.vertex.position);
+        }
+        s.select_pdf = -s.eta * dot(s.direction, velocity);
+    }
     s.emitter = e.vertex.owner;
     s.triangle = e.triangle;
     s.throughput = e.throughput * per_path;
@@ -57,6 +67,9 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     e.vertex.throughput *= per_path;
     e.vertex.select_pdf = 1.0;
+    if (HAS_DOPPLER) {
+        e.vertex.selection_cdf = instance;
+    }
     e.vertex.flags = select(0u, e.vertex.flags | (random << VERTEX_RANDOM_SHIFT), e.stored);
     states[slot] = s;
     vertices[slot] = e.vertex;

@@ -42,7 +42,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var v = arrival.vertex;
     if (HAS_SHEETS && was_deterministic && arrival.transit.scatters) {
         // Such a sheet has been hit by a part of the paths, so the paths behind it are random, and each carries its share of the power.
-        let share = 1.0 / (s.select_pdf * f32(frame.light_paths));
+        let share = 1.0 / (emitter_probability(s) * f32(frame.light_paths));
         s.throughput *= share;
         v.throughput *= share;
         was_deterministic = false;
@@ -57,10 +57,12 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var random = min(((s.flags >> PATH_RANDOM_SHIFT) & 3u) + 1u, 3u);
     if (was_deterministic && is_in_medium(v)) {
         // Where the light scatters first is random, so each path of the beam carries its share of the power.
-        v.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));
+        v.throughput *= 1.0 / (emitter_probability(s) * f32(frame.light_paths));
     } else if (was_deterministic) {
         v.flags |= VERTEX_DETERMINISTIC;
-        v.select_pdf = s.select_pdf;
+        if (!HAS_DOPPLER) {
+            v.select_pdf = s.select_pdf;
+        }
         random = 0u;
     }
     v.flags |= random << VERTEX_RANDOM_SHIFT;
@@ -84,7 +86,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (was_deterministic) {
         // From here on the paths of a beam differ, so each path carries its share of the power. If a mirror reflects the beam, they do
         // not differ yet: the throughput is restored below.
-        s.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));
+        s.throughput *= 1.0 / (emitter_probability(s) * f32(frame.light_paths));
     }
     let u = random4(STREAM_LIGHT, path, frame.iteration, depth, 0u, frame.seed);
     let roulette = random4(STREAM_LIGHT, path, frame.iteration, depth, 1u, frame.seed);
@@ -96,7 +98,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     if (is_deterministic) {
-        s.throughput *= s.select_pdf * f32(frame.light_paths);
+        s.throughput *= emitter_probability(s) * f32(frame.light_paths);
     }
     // A delta lobe sets d_vcm to 0: no connection forms these paths.
     let leaves_connected = DRAWS_IN_GATE && (v.flags & VERTEX_DETERMINISTIC) != 0u && is_connectible(v) && s.d_vcm > 0.0;

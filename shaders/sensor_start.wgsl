@@ -1,4 +1,5 @@
 // Starts the sensor subpaths of a tile: samples a point in the pixel, and computes the camera ray through this point.
+#import doppler
 #import weights
 #import sobol
 #import samples
@@ -58,6 +59,9 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     s.shift = vec3<f32>(0.0);
     s.triangle = NONE;
+    if (HAS_DOPPLER) {
+        s.select_pdf = -s.eta * dot(direction, sensor_velocity());
+    }
     start_sensor_sums(&s, inverseSqrt(length2), chief);
     states[slot] = s;
     radiance[slot] = vec4<f32>(0.0);

@@ -84,7 +84,10 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // Strategy s = 0: the subpath has hit an emitter.
     if (frame.keep_s0 > 0.0 && !is_in_medium(q)) {
-        let light = emitter_hit(s, arrival.surface, q, depth) * vec4<f32>(vec3<f32>(gate_weight(q.tau)), 1.0);
+        var light = emitter_hit(s, arrival.surface, q, depth) * vec4<f32>(vec3<f32>(gate_weight(q.tau)), 1.0);
+        if (HAS_DOPPLER) {
+            light = vec4<f32>(recorded(light.xyz, growth_to(q)), light.w);
+        }
         if (max_component(light.xyz) > 0.0) {
             radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
             tallies[slot].z += 1u;
@@ -152,6 +155,9 @@ fn end_of_segment(s: PathState, slot: u32, depth: u32) -> PathVertex {
     q.flags = VERTEX_IN_MEDIUM | VERTEX_SEGMENT_ONLY | depth;
     q.eta = s.eta;
     q.owner = slot;
+    if (HAS_DOPPLER) {
+        q.select_pdf = s.select_pdf;
+    }
     return q;
 }
 
@@ -159,9 +165,12 @@ fn end_of_segment(s: PathState, slot: u32, depth: u32) -> PathVertex {
 // travel time. `rank`: place of the subpath in `list`.
 fn escape(s: PathState, slot: u32, rank: u32) {
     let seen = sky_towards(s.direction);
-    let value = s.throughput * seen.radiance;
+    var value = s.throughput * seen.radiance;
     if (max_component(value) <= 0.0) {
         return;
+    }
+    if (HAS_DOPPLER) {
+        value = recorded(value, s.select_pdf);
     }
     let weight = sky_escape_weight(s, dispatch.bounce + 1u, seen.pdf);
     radiance[slot] += vec4<f32>(value * weight, 0.0);

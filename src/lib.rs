@@ -66,7 +66,8 @@ pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{
     Aim, AlphaMode, Aperture, Camera, DensityGrid, Distortion, GridFilter, Image, Instance, Lens, Light, LightKind,
-    Material, Medium, Mesh, PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, UnusableCamera, Wrap,
+    Material, Medium, Mesh, PhaseFunction, Projection, Retroreflector, Scene, SkyImage, Texture, UnusableCamera,
+    Velocities, Wrap,
 };
 pub use settings::SettingsBuilder;
 pub use settings::frequencies::Frequencies;

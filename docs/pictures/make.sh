@@ -55,6 +55,8 @@ if [ "$seconds" != 0 ]; then
     "$taugate" render "${street[@]}" -o "$work/still.exr" --png "$work/still.png"
     "$taugate" render "${street[@]}" --shutter 0..200ms -o "$work/shutter.exr" --png "$work/shutter.png"
     "$python" "$pictures/sheet.py" "$pictures/shutter.png" 2 "$work/still.png" "$work/shutter.png"
+    "$taugate" render "$root/scenes/street.glb" --at 1s --doppler 12m/s --estimator bdpt --resolution 480x270 --spp 64 -o "$work/doppler.exr" \
+        --png "$pictures/doppler.png"
     "$python" "$root/examples/cloud.py" "$work/cloud.npy"
     cloud=("$root/scenes/cornell-box.glb" --density-grid "$work/cloud.npy" --medium-bounds=-0.8,0.8,-0.6,0.8,1.7,0.6 --sigma-s 20
         --phase-g 0.5 --resolution 240x240 --time "${seconds}s")

@@ -6,6 +6,7 @@
 // has the length s + |s w - D|, which grows with s. So the gate corresponds to one interval of the segment.
 //
 // beam_events.wgsl draws events on beams in the same way. There, the pinhole takes the place of the light vertex.
+#import doppler
 #import guided_flight
 #import partial_sums
 #import segment
@@ -106,6 +107,9 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, gate: vec2<f3
     event.flags = VERTEX_IN_MEDIUM | (q.flags & VERTEX_DEPTH) | (segment.solid << VERTEX_SOLID_SHIFT);
     event.eta = q.eta;
     event.select_pdf = 1.0;
+    if (HAS_DOPPLER) {
+        event.select_pdf = growth_before(q);
+    }
     event.owner = q.owner;
     event.d_vc = segment.d_vc;
     let depths = optical_depths(x, w, s);

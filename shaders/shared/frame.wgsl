@@ -163,6 +163,8 @@ override HAS_TRANSMISSION: bool = true;
 override HAS_TRANSMISSION_TEXTURES: bool = true;
 // Whether subpaths may start with parallel rays (PATH_PARALLEL).
 override HAS_PARALLEL: bool = true;
+// Whether the image records how fast paths get longer (doppler.wgsl). Not with HAS_ELLIPSOIDS or MERGES.
+override HAS_DOPPLER: bool = false;
 // Whether the scene has a sky (sky.wgsl).
 override HAS_SKY: bool = true;
 // Whether the scene has participating media.

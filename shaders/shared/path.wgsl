@@ -1,5 +1,6 @@
 // The state that a subpath carries from bounce to bounce, and the record of a vertex that can be connected.
 #import frame
+#import scene
 
 // A subpath under way: the ray that is traced next. d_vcm and d_vc are Georgiev's partial MIS sums ("Implementing Vertex
 // Connection and Merging", 2012, Sec. 4) with every term squared (power heuristic, beta = 2).
@@ -19,7 +20,7 @@ struct PathState {
     // Offset from `position` to the origin of the ray.
     shift: vec3<f32>,
     // Light subpaths: probability of selecting the emitter that they started from. Photons: the bits of the triangle that they are aimed
-    // at, or of NONE (photon_trace.wgsl).
+    // at, or of NONE (photon_trace.wgsl). With HAS_DOPPLER see doppler.wgsl and `emitter_probability`.
     select_pdf: f32,
     d_vcm: f32,
     d_vc: f32,
@@ -75,12 +76,14 @@ struct PathVertex {
     eta: f32,
     // See Surface.offset.
     offset: f32,
-    // Probability of selecting the emitter; 1 unless the vertex is deterministic. With HAS_ELLIPSOIDS see `previous_distance`.
+    // Probability of selecting the emitter; 1 unless the vertex is deterministic. With HAS_ELLIPSOIDS see `previous_distance`, with
+    // HAS_DOPPLER see doppler.wgsl.
     select_pdf: f32,
     // Light: number of the emitter. Sensor: number of the path in the tile.
     owner: u32,
     // Deterministic vertices, if only some of them are drawn: start of this vertex's interval in the cumulative distribution,
-    // in units of 2^-32. The interval ends where the interval of the next vertex starts. With HAS_ELLIPSOIDS see `auxiliary_sum`.
+    // in units of 2^-32. The interval ends where the interval of the next vertex starts. With HAS_ELLIPSOIDS see `auxiliary_sum`, with
+    // HAS_DOPPLER see doppler.wgsl.
     selection_cdf: u32,
 }
 
@@ -147,8 +150,22 @@ fn random_vertices(v: PathVertex) -> u32 {
     return (v.flags >> VERTEX_RANDOM_SHIFT) & 3u;
 }
 
+// Probability of selecting the emitter of a light subpath.
+fn emitter_probability(s: PathState) -> f32 {
+    if (HAS_DOPPLER) {
+        return load_emitter(s.emitter).select_pdf;
+    }
+    return s.select_pdf;
+}
+
 // Probability of selecting the emitter of v, see PathVertex; 1 unless v is deterministic.
 fn selection_pdf(v: PathVertex) -> f32 {
+    if (HAS_DOPPLER) {
+        if ((v.flags & VERTEX_DETERMINISTIC) != 0u) {
+            return load_emitter(v.owner).select_pdf;
+        }
+        return 1.0;
+    }
     return select(v.select_pdf, 1.0, HAS_ELLIPSOIDS && (v.flags & VERTEX_DETERMINISTIC) == 0u);
 }
 

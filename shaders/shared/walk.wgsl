@@ -1,5 +1,6 @@
 // One step of a random walk, for light and sensor subpaths alike: trace to the next surface or to a scattering event in a
 // medium, then choose the next direction.
+#import doppler
 #import guided_flight
 #import visibility
 #import partial_sums
@@ -125,6 +126,11 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     (*state).tau += (*state).eta * sqrt(distance2);
     (*state).position = surface.position;
     (*state).triangle = surface.triangle;
+    var instance = 0u;
+    if (HAS_DOPPLER) {
+        instance = load_triangle(surface.triangle).instance;
+        (*state).select_pdf += (*state).eta * dot((*state).direction, instance_velocity(instance, surface.position));
+    }
 
     var v = surface_vertex(surface, towards);
     v.tau = (*state).tau;
@@ -135,6 +141,10 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     v.eta = (*state).eta;
     if (HAS_ELLIPSOIDS) {
         v.select_pdf = sqrt(distance2);
+    }
+    if (HAS_DOPPLER) {
+        v.select_pdf = (*state).select_pdf;
+        v.selection_cdf = instance;
     }
     return v;
 }
@@ -169,6 +179,9 @@ fn arrive_in_medium(state: ptr<function, PathState>, flight: Flight) -> PathVert
     v.flags = VERTEX_IN_MEDIUM | (path_solid(*state) << VERTEX_SOLID_SHIFT);
     v.eta = (*state).eta;
     v.select_pdf = select(1.0, flight.distance, HAS_ELLIPSOIDS);
+    if (HAS_DOPPLER) {
+        v.select_pdf = (*state).select_pdf;
+    }
     return v;
 }
 
@@ -195,6 +208,9 @@ fn scatter(
     (*state).eta = eta_towards(v, s.direction);
     (*state).flags = with_solid((*state).flags, solid_towards(v, s.direction));
     (*state).shift = ray_offset(v, s.direction);
+    if (HAS_DOPPLER) {
+        (*state).select_pdf -= (*state).eta * dot(s.direction, vertex_velocity(v));
+    }
     if (follows_connected(v)) {
         (*state).d_vcm = min((*state).d_vcm * mis(density_gain(v.material, v.to_previous, s.direction)), MAX_SUM);
     }

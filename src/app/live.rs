@@ -45,7 +45,7 @@ impl Live<'_> {
 /// The channels of a render so far, under a name.
 pub fn snapshot(name: &str, responses: &Responses, renderer: &Renderer) -> Snapshot {
     let film = renderer.film();
-    let groups = channels::of_render(film, renderer.responses(), responses, MAX_RESPONSES);
+    let groups = channels::of_render(film, renderer.responses(), responses, MAX_RESPONSES, None);
     Snapshot { name: name.into(), width: film.width(), height: film.height(), groups }
 }
 

@@ -198,6 +198,7 @@ fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
     experiment.output = Default::default();
     experiment.gate.gate_keys = None;
     experiment.camera.crop = None;
+    experiment.render.doppler = None;
     // The middle of the exposure stays.
     experiment.input.at = experiment.input.moment().map(Moment);
     (experiment.input.shutter, experiment.input.rolling, experiment.gate.heterodyne) = (None, None, None);

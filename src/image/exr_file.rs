@@ -17,6 +17,7 @@ use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::{Layers, Plane};
 use crate::image::response_film::ResponseFilm;
+use crate::settings::doppler::Doppler;
 use crate::settings::units::{Gate, METRES_PER_NS};
 use crate::settings::{Crop, Response, Responses, Settings};
 
@@ -65,6 +66,12 @@ impl Provenance {
             settings: experiment,
             merged: None,
         }
+    }
+
+    /// The radial velocity in m/s that saturates the colours; `None` if the image records no velocities.
+    fn doppler(&self) -> Option<f64> {
+        let settings: toml::Table = self.settings.parse().ok()?;
+        settings.get("render")?.get("doppler")?.as_str()?.parse::<Doppler>().ok()?.speed()
     }
 }
 
@@ -129,7 +136,7 @@ pub fn write_responses(
     layers: &Layers,
 ) -> Result<()> {
     let Provenance { resolution, crop, responses, .. } = provenance;
-    let groups = channels::of_render(film, images, responses, usize::MAX);
+    let groups = channels::of_render(film, images, responses, usize::MAX, provenance.doppler());
     let mut channels: Vec<_> = groups.into_iter().flat_map(channels_of).collect();
     channels.extend(planes_of(layers));
 
@@ -165,6 +172,9 @@ pub fn write_responses(
     }
     if let Some(damped) = film.damped() {
         attributes.other.insert(text("tof:dampedShare"), AttributeValue::F64(damped.share));
+    }
+    if let Some(speed) = provenance.doppler() {
+        attributes.other.insert(text("tof:doppler_m_per_s"), AttributeValue::F64(speed));
     }
     if let Some(period) = first.and_then(Response::period) {
         attributes.other.insert(text("tof:repeat_m"), AttributeValue::F64(period));

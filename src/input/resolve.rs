@@ -10,6 +10,7 @@ use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
 use crate::render::space::RenderSpace;
 use crate::scene::{Camera, Scene};
+use crate::settings::doppler::Doppler;
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, Tables};
 use crate::settings::units::{Gate, GatePrecision};
 use crate::settings::values::Resolution;
@@ -87,6 +88,15 @@ pub fn resolve_with(experiment: &Experiment, scene: &Scene, responses: Responses
             "leave it out",
         )
         .about("fireflies"));
+    }
+    if settings.doppler() != Doppler::OFF {
+        if experiment.scan.is_some() {
+            return Err(Error::advice("--doppler is for images: ", "for a scan, use --aov velocity").about("doppler"));
+        }
+        if experiment.output.strategy_images.is_some() {
+            let message = "--strategy-images shows the colours of light, and --doppler velocities: ";
+            return Err(Error::advice(message, "leave out one of them").about("doppler"));
+        }
     }
     warnings.extend(render.without_effect(estimator));
     if settings.splat_paths() > 0 && settings.strategies() == Strategies::Paper {

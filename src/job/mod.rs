@@ -26,6 +26,7 @@ use crate::input::{named, scenery};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::aov::Aov;
+use crate::settings::doppler::Doppler;
 use crate::settings::shard::Shard;
 
 use exposure::Exposure;
@@ -142,8 +143,12 @@ impl Job {
     /// scene.
     #[doc(hidden)]
     pub fn new(mut experiment: Experiment, mut scene: Scene) -> Result<Job> {
+        let as_given = experiment.clone();
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
+        if resolved.settings.doppler() != Doppler::OFF {
+            scene.velocities = read::velocities(&as_given, &scene)?;
+        }
         Ok(Job { experiment, scene, resolved, notes, is_frame: false })
     }
 

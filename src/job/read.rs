@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use super::exposure;
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
-use crate::scene::Scene;
+use crate::input::scenery;
 use crate::scene::gltf::{self, Playback};
+use crate::scene::{Scene, Velocities};
+use crate::settings::moment::Moment;
 
 /// The experiment to render, from the file `input` and the flags `typed`. If the input is an experiment file, flags take precedence
 /// over its keys. `scene` is always set.
@@ -50,6 +52,24 @@ pub fn check_pose(experiment: &Experiment) -> Result<()> {
 pub fn end_of_animations(experiment: &Experiment) -> Result<Option<f64>> {
     let (path, allowed, playback) = source(experiment);
     gltf::end_of_animations(path, &allowed, playback.animation)
+}
+
+/// How the parts of `scene` move, which is that of the experiment, with its cameras and lights. `None` if nothing moves, or if the user chose
+/// no time.
+pub fn velocities(experiment: &Experiment, scene: &Scene) -> Result<Option<Velocities>> {
+    let Some(at) = experiment.input.moment().filter(|_| experiment.scene.is_some()) else { return Ok(None) };
+    let Some(end) = end_of_animations(experiment)? else { return Ok(None) };
+    let times = Velocities::times_around(at, end);
+    let pose = |at: f64| {
+        let mut experiment = experiment.clone();
+        (experiment.input.at, experiment.input.shutter, experiment.input.rolling) = (Some(Moment(at)), None, None);
+        experiment.gate.heterodyne = None;
+        let mut scene = self::scene(&experiment)?;
+        scenery::apply(&mut experiment, &mut scene)?;
+        Ok::<_, Error>(scene)
+    };
+    let [before, after] = [pose(times[0])?, pose(times[1])?];
+    Ok(Some(Velocities::between(&before, scene, &after, times[1] - times[0])))
 }
 
 /// The file of the scene, the folders that it may refer to, and the pose (time and animation).

@@ -97,7 +97,7 @@ impl Ready {
         if !is_same_render || !before.has_same_objects(&scene) || !sheets::have_same_thickness(&before, &scene) {
             return Ok(None);
         }
-        if before.has_same_places(&scene) {
+        if scene.velocities.is_none() && before.has_same_places(&scene) {
             if !prepared.follow(&scene, settings)? || !renderer.set_camera(&scene.cameras[settings.camera()])? {
                 return Ok(None);
             }
@@ -131,7 +131,8 @@ impl Ready {
         let camera = &scene.cameras[settings.camera()];
         let space = home.or_of_camera(&scene, camera, settings.emitters());
         let has_same_objects = before.has_same_objects(&scene) && sheets::have_same_thickness(before, &scene);
-        let has_same_places = has_same_objects && before.has_same_places(&scene);
+        // The device holds the velocities as long as it holds the surfaces.
+        let has_same_places = has_same_objects && scene.velocities.is_none() && before.has_same_places(&scene);
         if has_same_places && prepared.follow_in(&scene, settings, space)? && renderer.turn_to(camera)? {
             renderer.move_lights(prepared)?;
         } else {

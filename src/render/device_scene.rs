@@ -47,7 +47,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
     ) -> Part<'a> {
         (wgsl, BufferDesc::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data).into())
     }
-    let PreparedScene { geometry, emitters, media, albedo, aims, .. } = prepared;
+    let PreparedScene { geometry, emitters, media, albedo, aims, velocities, .. } = prepared;
     let emissive = geometry.materials.iter().zip(&emitters.densities);
     let materials: Vec<Material> =
         emissive.map(|(material, &emission_density)| Material { emission_density, ..*material }).collect();
@@ -67,6 +67,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("textures", "textures", &geometry.textures, IMAGES),
         texels(EMITTERS, "emitters", &emitters.table, MESHES),
         texels(AIMS, "rays of sensor points", aims, POINTS),
+        texels("velocities", "velocities", velocities, MESHES),
         texels("sky", "sky", &emitters.sky, SKY),
         texels("media", "media", &media.list, MEDIA),
         texels("phase_tables", "tables of phase functions", &media.phase_tables, MEDIA),

@@ -56,6 +56,7 @@ mod strategies;
 mod submit_size;
 mod sums;
 mod travel_time_bounds;
+mod velocities;
 mod view_thickness;
 
 use std::sync::Arc;

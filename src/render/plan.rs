@@ -118,6 +118,8 @@ pub struct Plan {
     pub adaptive: bool,
     /// Whether the film can damp fireflies.
     pub damps_fireflies: bool,
+    /// Whether the image records velocities.
+    has_doppler: bool,
     pub features: Features,
     /// Whether a light is infinitely far away, so that no gate is possible.
     pub has_distant: bool,
@@ -224,6 +226,7 @@ impl Plan {
             max_depth: settings.max_depth(),
             adaptive: settings.sampling() == Sampling::Adaptive,
             damps_fireflies: settings.fireflies() == Fireflies::Damp,
+            has_doppler: settings.doppler().speed().is_some(),
             features,
             max_delay: prepared.geometry.max_delay,
             has_distant: emitters.has_distant,
@@ -263,6 +266,16 @@ impl Plan {
             responses: settings.responses().clone(),
             frame,
         };
+        // The vertices of these beams have no room for both an instance and an interval of the distribution that draws them.
+        let draws_some = plan.max_deterministic > DETERMINISTIC_SLOTS && estimator.pool_order != PoolOrder::Trees;
+        if plan.has_doppler && draws_some && emitters.thin_beams > 0 && traces_light {
+            return Err(Error::advice(
+                format!(
+                    "with more than {DETERMINISTIC_SLOTS} lamps, some of which are beams of zero radius, --doppler "
+                ),
+                "needs --estimator lcs",
+            ));
+        }
         if plan.single_tree && plan.queries_deterministic(emitters.deterministic.len() as u32) {
             // Lamps have their own tree beside the single tree, and the K queries are divided between the two.
             plan.frame.queries = plan.frame.queries.div_ceil(2);
@@ -277,10 +290,12 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Reports contributions to the host instead of rendering. Merging, which adds light of many photons at once, is then off.
+    /// Reports contributions to the host instead of rendering. Merging, which adds light of many photons at once, is then off. The
+    /// contributions have the colours of the light.
     pub fn observe(&mut self, observe: Observe) {
         self.observe = observe;
         self.merging = None;
+        self.has_doppler = false;
     }
 
     /// Number of candidate slots per shade point for a pool, at least 1.

@@ -13,7 +13,9 @@ use super::missing_light::{MissingLight, missing_light};
 use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::{Box3, TravelTimeBounds};
-use super::{coplanar, far_objects, glass_checks, grid, memory, null_boundary, oversized, pinhole_in_fog, sheets};
+use super::{
+    coplanar, far_objects, glass_checks, grid, memory, null_boundary, oversized, pinhole_in_fog, sheets, velocities,
+};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -30,6 +32,8 @@ pub struct PreparedScene {
     pub(super) sensor: Box3,
     /// The rays of a camera with [`crate::scene::Projection::Aimed`]; else empty.
     pub(super) aims: Vec<[f32; 4]>,
+    /// See [`velocities::table`].
+    pub(super) velocities: Vec<[f32; 4]>,
     /// Whether each pixel has a laser of its own, see [`PreparedScene::with_own_lasers`].
     pub(super) has_own_lasers: bool,
     /// For paths of one segment. Empty until they are needed, and again after lights or surfaces have moved.
@@ -74,6 +78,7 @@ impl PreparedScene {
         let sensor = sensor(camera, settings, &space);
         let media = Arc::new(Media::new(scene, &space)?);
         let aims = space.aims(camera);
+        let velocities = velocities::table(scene, settings, &emitters, &space)?;
         let (has_own_lasers, travel_time_bounds) = (false, OnceLock::new());
         Ok(PreparedScene {
             geometry,
@@ -84,6 +89,7 @@ impl PreparedScene {
             space,
             sensor,
             aims,
+            velocities,
             has_own_lasers,
             travel_time_bounds,
         })
@@ -173,6 +179,7 @@ impl PreparedScene {
         self.emitters = EmitterSet::new(scene, settings.emitters(), &space, &self.geometry, &self.solids);
         self.sensor = sensor(camera, settings, &space);
         self.aims = space.aims(camera);
+        self.velocities = velocities::table(scene, settings, &self.emitters, &space)?;
         self.travel_time_bounds.take();
         Ok(!self.emitters.table.is_empty())
     }

@@ -23,7 +23,7 @@ use crate::render::space::RenderSpace;
 use crate::render::{MemoryPlan, PreparedScene, Renderer, check_aimed_points};
 use crate::scene::Scene;
 use crate::settings::{Budget, Settings};
-pub use moving::{Moving, Velocities};
+pub use moving::Moving;
 use seen::Seen;
 
 /// Maximum number of segments of light that comes straight back to a LiDAR.

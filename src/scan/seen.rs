@@ -6,13 +6,13 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{Measurement, PreparedScan, Velocities};
+use super::{Measurement, PreparedScan};
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::image::scan_layers::{Hit, ScanLayers};
 use crate::input::scan_table::Scan;
 use crate::render::{FirstSurface, aimed_surfaces, first_surfaces, object_ids};
-use crate::scene::Scene;
+use crate::scene::{Scene, Velocities};
 use crate::settings::aov::Aov;
 
 /// The first surfaces of the beams of a scan, and the names of their objects.

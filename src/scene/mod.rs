@@ -18,6 +18,7 @@ mod mesh_shape;
 mod optical_thickness;
 mod sky;
 mod tangents;
+mod velocities;
 mod vignetting;
 
 use std::collections::BTreeSet;
@@ -33,6 +34,7 @@ pub(crate) use medium::check_bounds;
 pub use medium::{DensityGrid, GridFilter, MAX_COEFFICIENT, Medium, PhaseFunction, surrounding_indices};
 pub use optical_thickness::optical_thickness;
 pub use sky::SkyImage;
+pub use velocities::Velocities;
 pub use vignetting::Vignetting;
 
 /// A loaded scene. Lengths are in metres; transforms stay in f64 until the renderer moves the origin to the sensor.
@@ -64,6 +66,8 @@ pub struct Scene {
     /// Names of the nodes that move, if the scene is one moment of an animation. A node also moves if the animation deforms its
     /// mesh through a skin or morph targets.
     pub moving: Option<BTreeSet<String>>,
+    /// How its parts move; needed for [`crate::settings::doppler`] alone.
+    pub velocities: Option<Velocities>,
     /// Features of the file that taugate does not support, one sentence each, in the order of the file.
     pub warnings: Vec<String>,
 }

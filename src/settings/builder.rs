@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 use crate::error::{Error, Result};
+use crate::settings::doppler::Doppler;
 use crate::settings::table::RenderTable;
 use crate::settings::units::Gate;
 use crate::settings::values::Seconds;
@@ -105,6 +106,21 @@ impl SettingsBuilder {
                 "leave it out, or render one gate",
             )
             .about("fireflies"));
+        }
+        if self.render.doppler.is_some_and(|doppler| doppler != Doppler::OFF) {
+            let refuse = |message: &str, remedy: &str| Err(Error::advice(message, remedy).about("doppler"));
+            if self.render.fireflies == Some(Fireflies::Damp) {
+                return refuse(
+                    "--doppler needs all the light that --fireflies damp takes away: ",
+                    "leave out one of them",
+                );
+            }
+            if self.responses.frequencies().is_some() {
+                return refuse(
+                    "the images of --cw have phases, and those of --doppler velocities: ",
+                    "leave out one of them",
+                );
+            }
         }
         let [width, height] = self.resolution;
         let is_inside = |crop: Crop| crop.x0 < crop.x1 && crop.x1 <= width && crop.y0 < crop.y1 && crop.y1 <= height;

@@ -6,6 +6,7 @@
 pub mod aov;
 mod builder;
 mod choices;
+pub mod doppler;
 #[allow(missing_docs)]
 pub mod exposure;
 #[allow(missing_docs)]

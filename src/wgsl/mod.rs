@@ -38,6 +38,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/candidate",
     "shared/connection",
     "shared/detour",
+    "shared/doppler",
     "shared/ellipsoid",
     "shared/ellipsoid_descent",
     "shared/ellipsoid_search",

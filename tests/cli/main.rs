@@ -6,6 +6,7 @@ mod beside;
 mod corpus;
 mod detect;
 mod devices;
+mod doppler;
 mod fireflies;
 mod frames;
 mod gates;

@@ -40,6 +40,8 @@ pub struct EmitterSet {
     pub triangles: Vec<u32>,
     /// Bounding sphere (centre, radius) of the starting points of each light without a surface, in render space.
     pub lights: Vec<(Vec3, f32)>,
+    /// Index in [`Scene::lights`] of each light without a surface, in the order of `table`.
+    pub sources: Vec<usize>,
     /// Number of beams of zero radius: all subpaths of such a beam begin with the same ray.
     pub thin_beams: u32,
     /// Whether a light is infinitely far away, so that its light has no travel time.
@@ -70,6 +72,7 @@ impl EmitterSet {
             hi: Vec3::NEG_INFINITY,
             triangles: vec![],
             lights: vec![],
+            sources: vec![],
             thin_beams: 0,
             has_distant: false,
             sky: vec![],
@@ -154,18 +157,19 @@ impl EmitterSet {
         geometry: &Geometry,
         weights: &mut Vec<f64>,
     ) {
-        let lights = || scene.lights.iter().filter(|light| selected.include(&light.node));
-        let around = match lights().any(|light| light.kind.is_distant()) {
+        let lights = || scene.lights.iter().enumerate().filter(|(_, light)| selected.include(&light.node));
+        let around = match lights().any(|(_, light)| light.kind.is_distant()) {
             true => sphere_around(geometry, scene, space),
             false => Sphere { centre: Vec3::ZERO, radius: 0.0 },
         };
         let constant = SkyImage::constant();
         let sky = scene.sky.as_ref().unwrap_or(&constant);
-        let records = lights().map(|light| (light, LightRecord::new(light, sky, space, &around)));
+        let records = lights().map(|source| (source, LightRecord::new(source.1, sky, space, &around)));
         let emitting = records.filter(|(_, record)| record.flux > 0.0);
         let (thin, others): (Vec<_>, Vec<_>) = emitting.partition(|(_, record)| record.is_thin);
         self.thin_beams = thin.len() as u32;
-        for (light, record) in others.into_iter().chain(thin) {
+        for ((index, light), record) in others.into_iter().chain(thin) {
+            self.sources.push(index);
             self.enclose(record.position, record.radius);
             self.lights.push((record.position, record.radius));
             match light.kind.is_distant() {

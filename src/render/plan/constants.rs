@@ -32,6 +32,7 @@ impl Plan {
             ("HAS_OWN_LASERS", switch(self.has_own_lasers)),
             ("LASER_RADIUS", self.laser_radius),
             ("HAS_GAP", switch(self.frame.gap_lo < self.frame.gap_hi)),
+            ("HAS_DOPPLER", switch(self.has_doppler)),
             ("HAS_SKY", switch(self.has_sky)),
             ("MERGES", switch(self.merging.is_some())),
             ("MERGED_ENTRIES", self.merged_entries().into()),

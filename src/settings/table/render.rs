@@ -1,5 +1,6 @@
 //! The settings of the estimator and of its samples, which have defaults.
 
+use crate::settings::doppler::Doppler;
 use crate::settings::pixels::Pixels;
 use crate::settings::setting::Taker::{Info, Page, View};
 use crate::settings::setting::{Form, Setting, table};
@@ -91,6 +92,11 @@ table! {
         /// The image is then too dark where light is rare, less so with more samples; image files keep the other image as undamped.R,
         /// .G and .B. Only for a single gate [default: keep]
         fireflies: Fireflies = |_| Fireflies::Keep, Setting::sampling("fireflies", "keep|damp");
+
+        /// Record how fast objects recede instead of the colours of their light: white light comes from objects at rest, red light from
+        /// objects that recede, blue light from objects that approach, each at this radial velocity, such as 20m/s. EXR files have the mean
+        /// velocity and its deviation, weighted by light; off records colours [default: off]
+        doppler: Doppler = |_| Doppler::OFF, Setting::sampling("doppler", "SPEED|off").except(View);
 
         /// Distribution of samples over the image: uniform, or adaptive (more samples for pixels with more error so far)
         /// [default: adaptive; lcs-paper: uniform]

@@ -1,0 +1,62 @@
+//! How the parts of the scene move, as the kernels read it (`shaders/shared/doppler.wgsl`).
+
+use glam::{DAffine3, DVec3};
+
+use super::emitters::EmitterSet;
+use super::space::RenderSpace;
+use crate::error::{Error, Result};
+use crate::scene::{Projection, Scene, Velocities};
+use crate::settings::Settings;
+
+/// The texels: the velocity of the sensor, those of the emitters of `emitters.table`, and three rows per instance. All are in units of the
+/// speed that saturates the colours. Empty if the image records no velocities. Fails if a velocity is not known.
+pub fn table(scene: &Scene, settings: &Settings, emitters: &EmitterSet, space: &RenderSpace) -> Result<Vec<[f32; 4]>> {
+    let Some(speed) = settings.doppler().speed() else { return Ok(vec![]) };
+    let Some(velocities) = &scene.velocities else {
+        return Err(Error::advice(
+            "--doppler records how the objects of an animated scene move, but the velocities of this scene are not known: ",
+            "open a file with animations, and choose the moment with --at",
+        ));
+    };
+    check(scene, settings, velocities)?;
+    let texel = |v: DVec3, last: f64| [v.x / speed, v.y / speed, v.z / speed, last / speed].map(|x| x as f32);
+    let of = |list: &[DVec3], index: usize| list.get(index).copied().unwrap_or_default();
+    let mut texels = vec![texel(of(&velocities.cameras, settings.camera()), 0.0)];
+    // Emissive triangles come first, and move as their instances do.
+    texels.extend(emitters.table.iter().enumerate().map(|(index, _)| {
+        let light = index.checked_sub(emitters.triangles.len()).map(|k| emitters.sources[k]);
+        texel(light.map_or(DVec3::ZERO, |light| of(&velocities.lights, light)), 0.0)
+    }));
+    for rate in &velocities.instances {
+        let in_render_space = rate.unwrap_or(DAffine3::ZERO)
+            * DAffine3::from_translation(space.origin)
+            * DAffine3::from_scale(DVec3::splat(space.unit));
+        let rows = in_render_space.matrix3.transpose();
+        let last = in_render_space.translation;
+        texels.extend([texel(rows.x_axis, last.x), texel(rows.y_axis, last.y), texel(rows.z_axis, last.z)]);
+    }
+    Ok(texels)
+}
+
+/// Fails if the image needs a velocity that is not known.
+fn check(scene: &Scene, settings: &Settings, velocities: &Velocities) -> Result<()> {
+    let unknown = velocities.instances.iter().position(|rate| rate.is_none_or(|rate| !rate.is_finite()));
+    if let Some(index) = unknown {
+        return Err(Error::advice(
+            format!(
+                "--doppler cannot tell how the points of '{}' move, because its mesh changes its shape, or it appears or disappears; ",
+                scene.instances[index].node
+            ),
+            "choose another moment with --at, or leave out --doppler",
+        ));
+    }
+    let camera = &scene.cameras[settings.camera()];
+    let moves = velocities.cameras.get(settings.camera()).is_some_and(|&velocity| velocity != DVec3::ZERO);
+    if moves && matches!(camera.projection, Projection::Orthographic { .. }) {
+        return Err(Error::advice(
+            "--doppler takes the sensor as a point, but an orthographic camera that moves may also turn; ",
+            "use a perspective camera",
+        ));
+    }
+    Ok(())
+}
