@@ -110,11 +110,14 @@ fn connected(at: PathVertex, rank: u32, slot: u32) -> vec4<f32> {
     if (HAS_DELAYS) {
         passed *= gate_weight(delayed);
     }
-    let last = select(delayed, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
+    var arrival = delayed;
     var light = value * passed;
     if (HAS_DOPPLER) {
-        light = recorded(light, connected_growth(q, v, w, eta_towards(q, w)));
+        let growth = connected_growth(q, v, w, eta_towards(q, w));
+        light = recorded(light, growth);
+        arrival = apparent_time(delayed, growth);
     }
+    let last = select(arrival, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
     return vec4<f32>(select(vec3<f32>(0.0), light, lit), last);
 }
 

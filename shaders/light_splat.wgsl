@@ -83,7 +83,9 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let reached = select(flight_density(depths.scattering), 1.0, HAS_ORTHOGRAPHIC);
     let weight = splat_weight(v, c, density * c.cosine / spread * reached);
     if (HAS_DOPPLER) {
-        value = recorded(value, growth_to(v) + eta_towards(v, w) * dot(w, sensor_velocity() - vertex_velocity(v)));
+        let growth = growth_to(v) + eta_towards(v, w) * dot(w, sensor_velocity() - vertex_velocity(v));
+        value = recorded(value, growth);
+        tau = apparent_time(tau, growth);
     }
     if (OBSERVE == OBSERVE_STRATEGIES) {
         splats[slot] = vec4<u32>(bitcast<vec3<u32>>(value), pixel);

@@ -85,15 +85,17 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Strategy s = 0: the subpath has hit an emitter.
     if (frame.keep_s0 > 0.0 && !is_in_medium(q)) {
         var light = emitter_hit(s, arrival.surface, q, depth) * vec4<f32>(vec3<f32>(gate_weight(q.tau)), 1.0);
+        var arrival_time = q.tau;
         if (HAS_DOPPLER) {
             light = vec4<f32>(recorded(light.xyz, growth_to(q)), light.w);
+            arrival_time = apparent_time(q.tau, growth_to(q));
         }
         if (max_component(light.xyz) > 0.0) {
             radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
             tallies[slot].z += 1u;
             // The probe (render/probe.rs) reports scattered light only: that is what the user wants to gate.
             if (OBSERVE == OBSERVE_RESPONSES || (OBSERVE == OBSERVE_TIMES && depth > 1u)) {
-                observe(first_entry() + id.x, vec4<f32>(light.xyz * light.w, q.tau), slot, NONE);
+                observe(first_entry() + id.x, vec4<f32>(light.xyz * light.w, arrival_time), slot, NONE);
             }
             if (OBSERVE == OBSERVE_STRATEGIES) {
                 observe(first_entry() + id.x, light, slot, NONE);

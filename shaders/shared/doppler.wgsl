@@ -1,8 +1,9 @@
-// Doppler: how fast paths get longer because their vertices move, and the colours that record this speed. All of it needs HAS_DOPPLER.
+// Doppler: how fast paths get longer because their vertices move, the colours that record this speed, and what an FMCW sensor makes of it. All
+// of it needs HAS_DOPPLER.
 //
 // The optical length of a path grows by the sum over its segments of n k . (v_b - v_a). Here k is the direction of the segment from a to b,
 // n its group index, and v_a and v_b are the velocities of its ends. At a mirror or a refracting surface, the law of reflection or
-// refraction cancels the motion along the surface. Velocities are in units of the speed that saturates the colours. Media are at rest.
+// refraction cancels the motion along the surface. Velocities are in units of the speed that saturates the colours, or in m/s. Media are at rest.
 //
 // Subpaths and vertices keep this sum where others keep `select_pdf`, and `selection_cdf` is the instance of the vertex.
 #import path
@@ -62,10 +63,22 @@ fn connected_growth(q: PathVertex, v: PathVertex, w: vec3<f32>, eta: f32) -> f32
     return growth_to(q) + growth_to(v) + eta * dot(w, vertex_velocity(v) - vertex_velocity(q));
 }
 
-// The light of a path in the colours that record its speed: white if the path keeps its length, red if it gets longer, blue if it gets
-// shorter. `growth` is twice the radial velocity u of a sensor beside the lamp. The sums over many paths of the light, of the light times
+// The light of a path in the colours that record its speed, with RECORDS_DOPPLER: white if the path keeps its length, red if it gets longer, blue
+// if it gets shorter. `growth` is twice the radial velocity u of a sensor beside the lamp. The sums over many paths of the light, of the light times
 // u, and of the light times u squared are (R + 2 G + B) / 4, (R - B) / 4 and (R - 2 G + B) / 4.
 fn recorded(light: vec3<f32>, growth: f32) -> vec3<f32> {
+    if (!RECORDS_DOPPLER) {
+        return light;
+    }
     let u = 0.5 * growth;
     return luminance(light) * vec3<f32>((1.0 + u) * (1.0 + u), 1.0 - u * u, (1.0 - u) * (1.0 - u));
+}
+
+// The travel time of a path at rest that has the same beat frequency as a path with the travel time `tau`, which grows. The mixer of an FMCW
+// sensor does not tell negative frequencies from positive ones.
+fn apparent_time(tau: f32, growth: f32) -> f32 {
+    if (RANGE_COUPLING == 0.0) {
+        return tau;
+    }
+    return abs(tau + RANGE_COUPLING * growth);
 }

@@ -163,8 +163,11 @@ override HAS_TRANSMISSION: bool = true;
 override HAS_TRANSMISSION_TEXTURES: bool = true;
 // Whether subpaths may start with parallel rays (PATH_PARALLEL).
 override HAS_PARALLEL: bool = true;
-// Whether the image records how fast paths get longer (doppler.wgsl). Not with HAS_ELLIPSOIDS or MERGES.
+// Whether paths count how fast they get longer (doppler.wgsl). Not with HAS_ELLIPSOIDS or MERGES. Whether the image records this rate, and by
+// what multiple of it a path seems longer to an FMCW sensor.
 override HAS_DOPPLER: bool = false;
+override RECORDS_DOPPLER: bool = false;
+override RANGE_COUPLING: f32 = 0.0;
 // Whether the scene has a sky (sky.wgsl).
 override HAS_SKY: bool = true;
 // Whether the scene has participating media.

@@ -67,6 +67,12 @@ fn cloud(args: &LidarArgs) -> Result<Vec<Point>, Error> {
     })?;
     let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
     memory::check_bytes(2 * length, memory::free(), "the waveforms", "use fewer gates or points")?;
+    if about["beat_hz_per_m"].is_number() {
+        super::say(
+            "warning: the ranges are those of an FMCW sensor: an object that moves seems nearer or farther; a rising and a falling sweep \
+             together tell its range and its velocity",
+        );
+    }
     let mut array = read_scan(path)?;
     let gates = described(path, array.responses())
         .ok_or_else(|| fail("comes without the JSON file that names its gates; keep that file beside the array"))?;

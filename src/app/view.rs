@@ -198,7 +198,7 @@ fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
     experiment.output = Default::default();
     experiment.gate.gate_keys = None;
     experiment.camera.crop = None;
-    experiment.render.doppler = None;
+    (experiment.render.doppler, experiment.gate.fmcw) = (None, None);
     // The middle of the exposure stays.
     experiment.input.at = experiment.input.moment().map(Moment);
     (experiment.input.shutter, experiment.input.rolling, experiment.gate.heterodyne) = (None, None, None);

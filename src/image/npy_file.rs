@@ -41,6 +41,9 @@ pub(super) struct Bins {
     start_opl: f64,
     bin_width_opl: f64,
     temporal_bins: u32,
+    /// FMCW sensors: the beat frequency in Hz per metre of optical path; the gates are lengths of paths at rest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    beat_hz_per_m: Option<f64>,
 }
 
 impl Bins {
@@ -49,6 +52,7 @@ impl Bins {
             start_opl: gates.whole().lo,
             bin_width_opl: gates.width(),
             temporal_bins: gates.count(),
+            beat_hz_per_m: responses.chirp().map(|chirp| chirp.hertz_per_metre()),
         })
     }
 }

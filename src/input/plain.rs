@@ -181,7 +181,7 @@ mod tests {
             ("[camera]\npower = 3", "[camera] has no key power: choose one of camera"),
             (
                 "[gate]\ngte = 4",
-                "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, gate-keys, cw, heterodyne, force",
+                "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, gate-keys, cw, heterodyne, fmcw, force",
             ),
             ("scne = 'a.glb'", "the file has no key scne: choose one of scene, camera, emitter"),
             ("output = 'x.exr'", "output is the text \"x.exr\", but must be a table: write [output] on a line"),

@@ -91,7 +91,9 @@ pub fn resolve_with(experiment: &Experiment, scene: &Scene, responses: Responses
     }
     if settings.doppler() != Doppler::OFF {
         if experiment.scan.is_some() {
-            return Err(Error::advice("--doppler is for images: ", "for a scan, use --aov velocity").about("doppler"));
+            return Err(
+                Error::advice("--doppler is for images: ", "for a scan, use --aov velocity or --fmcw").about("doppler")
+            );
         }
         if experiment.output.strategy_images.is_some() {
             let message = "--strategy-images shows the colours of light, and --doppler velocities: ";

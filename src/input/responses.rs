@@ -26,6 +26,15 @@ pub(super) fn is_steady(table: &GateTable) -> bool {
 /// a gate has no effect, if two responses have the same name, or if gates without an end should be repeated.
 pub fn chosen(table: &GateTable) -> Result<Responses> {
     let of_one_pulse = of_one_pulse(table)?;
+    if let Some(chirp) = table.fmcw {
+        if of_one_pulse.support().hi.is_infinite() {
+            return Err(Error::advice(
+                "--fmcw measures a spectrum of beat frequencies: ",
+                "give its bins as lengths of paths at rest, like --gates 0..80m/200",
+            ));
+        }
+        return Ok(of_one_pulse.with_chirp(chirp));
+    }
     match table.repeat {
         None => Ok(of_one_pulse),
         Some(_) if of_one_pulse.support().hi.is_infinite() => Err(Error::advice(

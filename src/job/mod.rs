@@ -23,10 +23,10 @@ use crate::input::experiment::Experiment;
 use crate::input::resolve::{self, Resolved};
 use crate::input::sequence::Sequence;
 use crate::input::{named, scenery};
+use crate::render::velocities;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::aov::Aov;
-use crate::settings::doppler::Doppler;
 use crate::settings::shard::Shard;
 
 use exposure::Exposure;
@@ -146,7 +146,7 @@ impl Job {
         let as_given = experiment.clone();
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
-        if resolved.settings.doppler() != Doppler::OFF {
+        if velocities::are_needed(&resolved.settings) {
             scene.velocities = read::velocities(&as_given, &scene)?;
         }
         Ok(Job { experiment, scene, resolved, notes, is_frame: false })

@@ -27,6 +27,7 @@ type Part<'a> = (&'static str, BufferDesc, Cow<'a, [u8]>);
 /// Names in WGSL of the arrays that change between renders.
 const EMITTERS: &str = "emitters";
 const AIMS: &str = "aims";
+const VELOCITIES: &str = "velocities";
 
 pub(super) const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
 const MEDIA: &str = "use fewer media and shorter tables, or a device with a larger limit (taugate devices)";
@@ -67,7 +68,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("textures", "textures", &geometry.textures, IMAGES),
         texels(EMITTERS, "emitters", &emitters.table, MESHES),
         texels(AIMS, "rays of sensor points", aims, POINTS),
-        texels("velocities", "velocities", velocities, MESHES),
+        texels(VELOCITIES, "velocities", velocities, MESHES),
         texels("sky", "sky", &emitters.sky, SKY),
         texels("media", "media", &media.list, MEDIA),
         texels("phase_tables", "tables of phase functions", &media.phase_tables, MEDIA),
@@ -141,12 +142,21 @@ impl DeviceScene {
 
     /// Replaces the rays of the sensor points; their number must stay the same.
     pub fn write_aims(&mut self, aims: &[[f32; 4]]) -> Result<()> {
-        if aims.is_empty() {
+        self.replace(AIMS, aims)
+    }
+
+    /// Replaces the velocities; their number must stay the same.
+    pub fn write_velocities(&mut self, velocities: &[[f32; 4]]) -> Result<()> {
+        self.replace(VELOCITIES, velocities)
+    }
+
+    fn replace(&mut self, array: &str, texels: &[[f32; 4]]) -> Result<()> {
+        if texels.is_empty() {
             return Ok(());
         }
         let buffers = Arc::get_mut(&mut self.buffers).expect("the arrays of a renderer with siblings are fixed");
-        let buffer = buffers.iter_mut().find(|(name, _)| *name == AIMS);
-        buffer.expect("the scene has all its arrays").1.write(0, aims)
+        let buffer = buffers.iter_mut().find(|(name, _)| *name == array);
+        buffer.expect("the scene has all its arrays").1.write(0, texels)
     }
 
     /// All buffers of group 0, for kernels that read `frame`; a kernel may use any of them.

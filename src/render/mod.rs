@@ -56,7 +56,7 @@ mod strategies;
 mod submit_size;
 mod sums;
 mod travel_time_bounds;
-mod velocities;
+pub(crate) mod velocities;
 mod view_thickness;
 
 use std::sync::Arc;

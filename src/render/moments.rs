@@ -39,6 +39,7 @@ impl Renderer {
     /// As [`Renderer::set_lights`], and goes on.
     pub(crate) fn move_lights(&mut self, prepared: &PreparedScene) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
+        self.scene.write_velocities(&prepared.velocities)?;
         self.light.set_lights(prepared);
         self.plan.set_lights(prepared);
         self.forget_ahead();

@@ -15,11 +15,11 @@ use super::missing_light::walk::{AtSheets, World};
 use super::plan::{Iteration, Plan};
 use super::prepared_scene::PreparedScene;
 use super::stats::{Stats, stage};
+use super::velocities;
 use crate::error::Result;
 use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, Kernel, Recorder};
 use crate::image::exr_file::Merged;
 use crate::scene::{Camera, Scene};
-use crate::settings::doppler::Doppler;
 use crate::settings::{Merge, Settings, Strategies};
 use crate::wgsl::layout::constants::{PATH_ALIVE, VERTEX_DEPTH, VERTEX_IN_MEDIUM, VERTEX_VALID};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex, Photon};
@@ -203,7 +203,7 @@ pub fn has_smooth_objects(prepared: &PreparedScene) -> bool {
 /// Whether a render gathers photons. It does if there are lamps without a surface and smooth objects that they may shine on. But
 /// light of a beam without width cannot meet a pixel without width.
 pub fn merges(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> bool {
-    settings.merge() == Merge::Auto && settings.doppler() == Doppler::OFF && can_merge(scene, settings, prepared)
+    settings.merge() == Merge::Auto && !velocities::are_needed(settings) && can_merge(scene, settings, prepared)
 }
 
 /// Whether the pixels of the camera see more than a single ray each.

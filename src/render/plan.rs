@@ -21,6 +21,7 @@ use super::samples::{MAX_AIMED_SAMPLES, MAX_AVERAGE_SAMPLES};
 use super::solids::Solids;
 use super::space::RenderSpace;
 use super::travel_time_bounds::{Box3, TravelTimeBounds};
+use super::velocities;
 use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, PoolOrder, Record};
 use crate::gpu::{Quirks, RaySupport};
@@ -119,7 +120,9 @@ pub struct Plan {
     /// Whether the film can damp fireflies.
     pub damps_fireflies: bool,
     /// Whether the image records velocities.
-    has_doppler: bool,
+    records_doppler: bool,
+    /// With an FMCW sensor, the length in render space by which a path seems longer per unit of the rate at which it grows; else 0.
+    range_coupling: f64,
     pub features: Features,
     /// Whether a light is infinitely far away, so that no gate is possible.
     pub has_distant: bool,
@@ -226,7 +229,8 @@ impl Plan {
             max_depth: settings.max_depth(),
             adaptive: settings.sampling() == Sampling::Adaptive,
             damps_fireflies: settings.fireflies() == Fireflies::Damp,
-            has_doppler: settings.doppler().speed().is_some(),
+            records_doppler: settings.doppler().speed().is_some(),
+            range_coupling: velocities::range_coupling(settings) / prepared.space.unit,
             features,
             max_delay: prepared.geometry.max_delay,
             has_distant: emitters.has_distant,
@@ -268,10 +272,10 @@ impl Plan {
         };
         // The vertices of these beams have no room for both an instance and an interval of the distribution that draws them.
         let draws_some = plan.max_deterministic > DETERMINISTIC_SLOTS && estimator.pool_order != PoolOrder::Trees;
-        if plan.has_doppler && draws_some && emitters.thin_beams > 0 && traces_light {
+        if velocities::are_needed(settings) && draws_some && emitters.thin_beams > 0 && traces_light {
             return Err(Error::advice(
                 format!(
-                    "with more than {DETERMINISTIC_SLOTS} lamps, some of which are beams of zero radius, --doppler "
+                    "with more than {DETERMINISTIC_SLOTS} lamps, some of which are beams of zero radius, --doppler or --fmcw "
                 ),
                 "needs --estimator lcs",
             ));
@@ -295,7 +299,8 @@ impl Plan {
     pub fn observe(&mut self, observe: Observe) {
         self.observe = observe;
         self.merging = None;
-        self.has_doppler = false;
+        self.records_doppler = false;
+        self.range_coupling = 0.0;
     }
 
     /// Number of candidate slots per shade point for a pool, at least 1.

@@ -144,6 +144,7 @@ impl PreparedScene {
         if !is_like_before {
             return Ok(false);
         }
+        self.velocities = velocities::table(scene, settings, &emitters, &self.space)?;
         let pairs = self.emitters.lights.iter().zip(&emitters.lights);
         let moved = pairs.map(|((a, _), (b, radius))| f64::from(a.distance(*b) + radius)).fold(0.0, f64::max);
         self.emitters = emitters;

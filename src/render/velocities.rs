@@ -7,17 +7,43 @@ use super::space::RenderSpace;
 use crate::error::{Error, Result};
 use crate::scene::{Projection, Scene, Velocities};
 use crate::settings::Settings;
+use crate::settings::doppler::Doppler;
+
+/// Whether the image depends on velocities.
+pub fn are_needed(settings: &Settings) -> bool {
+    settings.doppler() != Doppler::OFF || settings.responses().chirp().is_some()
+}
+
+/// The speed in m/s in whose units the kernels count velocities.
+fn unit(settings: &Settings) -> f64 {
+    settings.doppler().speed().unwrap_or(1.0)
+}
+
+/// The length in metres by which a path seems longer to an FMCW sensor, per rate of its growth in the unit of the kernels; 0 for other sensors.
+pub fn range_coupling(settings: &Settings) -> f64 {
+    settings.responses().chirp().map_or(0.0, |chirp| chirp.coupling() * unit(settings))
+}
 
 /// The texels: the velocity of the sensor, those of the emitters of `emitters.table`, and three rows per instance. All are in units of the
-/// speed that saturates the colours. Empty if the image records no velocities. Fails if a velocity is not known.
+/// speed that saturates the colours, or in m/s. Empty if the image depends on no velocities. Fails if a velocity is not known. For an FMCW sensor, a scene
+/// without velocities is at rest.
 pub fn table(scene: &Scene, settings: &Settings, emitters: &EmitterSet, space: &RenderSpace) -> Result<Vec<[f32; 4]>> {
-    let Some(speed) = settings.doppler().speed() else { return Ok(vec![]) };
-    let Some(velocities) = &scene.velocities else {
-        return Err(Error::advice(
-            "--doppler records how the objects of an animated scene move, but the velocities of this scene are not known: ",
-            "open a file with animations, and choose the moment with --at",
-        ));
+    if !are_needed(settings) {
+        return Ok(vec![]);
+    }
+    let at_rest =
+        || Velocities { instances: vec![Some(DAffine3::ZERO); scene.instances.len()], ..Velocities::default() };
+    let velocities = match &scene.velocities {
+        Some(velocities) => velocities,
+        None if settings.doppler() == Doppler::OFF => &at_rest(),
+        None => {
+            return Err(Error::advice(
+                "--doppler records how the objects of an animated scene move, but the velocities of this scene are not known: ",
+                "open a file with animations, and choose the moment with --at",
+            ));
+        }
     };
+    let speed = unit(settings);
     check(scene, settings, velocities)?;
     let texel = |v: DVec3, last: f64| [v.x / speed, v.y / speed, v.z / speed, last / speed].map(|x| x as f32);
     let of = |list: &[DVec3], index: usize| list.get(index).copied().unwrap_or_default();
@@ -44,17 +70,17 @@ fn check(scene: &Scene, settings: &Settings, velocities: &Velocities) -> Result<
     if let Some(index) = unknown {
         return Err(Error::advice(
             format!(
-                "--doppler cannot tell how the points of '{}' move, because its mesh changes its shape, or it appears or disappears; ",
+                "--doppler and --fmcw cannot tell how the points of '{}' move, because its mesh changes its shape, or it appears or disappears; ",
                 scene.instances[index].node
             ),
-            "choose another moment with --at, or leave out --doppler",
+            "choose another moment with --at, or leave them out",
         ));
     }
     let camera = &scene.cameras[settings.camera()];
     let moves = velocities.cameras.get(settings.camera()).is_some_and(|&velocity| velocity != DVec3::ZERO);
     if moves && matches!(camera.projection, Projection::Orthographic { .. }) {
         return Err(Error::advice(
-            "--doppler takes the sensor as a point, but an orthographic camera that moves may also turn; ",
+            "--doppler and --fmcw take the sensor as a point, but an orthographic camera that moves may also turn; ",
             "use a perspective camera",
         ));
     }

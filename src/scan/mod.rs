@@ -53,6 +53,7 @@ impl PreparedScan {
     /// `scene` contains the laser and the sensor of `scan`, and `settings` are those of one render per point of the laser. `moving`: the
     /// animations that play during the scan. Fails as [`PreparedScene::new`].
     pub fn new(scan: &Scan, mut scene: Scene, settings: &Settings, moving: Option<Moving>) -> Result<PreparedScan> {
+        places::set_own_velocity(scan, settings, 0, &mut scene);
         let shares = scan.lights_what_it_sees() && settings.max_depth() <= STRAIGHT_BACK;
         if !shares {
             let prepared = PreparedScene::new(&scene, settings)?;
@@ -240,6 +241,7 @@ impl Measurement {
     fn set_laser(&mut self, number: usize) -> Result<()> {
         let PreparedScan { scene, settings, prepared, moving, .. } = &mut self.of;
         *scene.lights.last_mut().expect("the laser is the last light") = self.scan.light(number);
+        places::set_own_velocity(&self.scan, settings, number, scene);
         let follows = match self.scan.places.is_some() || moving.is_some() {
             true => prepared.follow_nearby(scene, settings)?,
             false => prepared.follow(scene, settings)?,

@@ -1,10 +1,14 @@
 //! Where the laser, the sensor and the objects of a scan are at a shot.
 
+use glam::DAffine3;
+
 use super::{Measurement, PreparedScan};
 use crate::error::Result;
+use crate::input::scan_table::Scan;
 use crate::render::space::RenderSpace;
-use crate::render::{PreparedScene, Renderer};
-use crate::scene::{Camera, Scene};
+use crate::render::{PreparedScene, Renderer, velocities};
+use crate::scene::{Camera, Scene, Velocities};
+use crate::settings::Settings;
 
 impl Measurement {
     /// Moves the objects of the scene to where they are at shot `number`. The device holds two copies of the scene for a moment.
@@ -15,6 +19,9 @@ impl Measurement {
             return Ok(());
         }
         let mut scene = moving.scene_at(time, &self.of.scene)?;
+        if velocities::are_needed(&self.of.settings) {
+            scene.velocities = Some(moving.velocities(time, &scene)?);
+        }
         self.look_from(number, &mut scene);
         let PreparedScan { scene: before, settings, prepared, home, .. } = &mut self.of;
         let camera = &scene.cameras[settings.camera()];
@@ -49,6 +56,7 @@ impl Measurement {
             Some(beams) => self.scan.beams(number..number + beams, settings.seed()).0,
             None => self.scan.camera(number),
         };
+        set_own_velocity(&self.scan, settings, number, scene);
     }
 
     /// Prepares the scene of shot `number` anew.
@@ -74,4 +82,15 @@ impl Measurement {
         self.renderer = renderer;
         Ok(())
     }
+}
+
+/// Gives laser and sensor the velocity of the LiDAR at shot `number`, if the render depends on it.
+pub(super) fn set_own_velocity(scan: &Scan, settings: &Settings, number: usize, scene: &mut Scene) {
+    if !velocities::are_needed(settings) {
+        return;
+    }
+    let instances = vec![Some(DAffine3::ZERO); scene.instances.len()];
+    let velocities = scene.velocities.get_or_insert(Velocities { instances, ..Velocities::default() });
+    velocities.cameras = vec![scan.velocity_at(number); scene.cameras.len()];
+    velocities.lights = vec![scan.velocity_at(number); scene.lights.len()];
 }

@@ -5,6 +5,7 @@
 #[allow(missing_docs)]
 pub mod aov;
 mod builder;
+pub mod chirp;
 mod choices;
 pub mod doppler;
 #[allow(missing_docs)]

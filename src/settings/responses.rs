@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::settings::aov::Aov;
+use crate::settings::chirp::Chirp;
 use crate::settings::frequencies::{Frequencies, Heterodyne};
 use crate::settings::gates::{Gates, MAX_GATES};
 use crate::settings::optical_path::OpticalPath;
@@ -28,6 +29,9 @@ pub struct Responses {
     /// By how much the modulation of the sensor is faster, in Hz.
     #[serde(default)]
     heterodyne: Option<f64>,
+    /// See [`Responses::with_chirp`].
+    #[serde(default)]
+    chirp: Option<Chirp>,
 }
 
 impl Responses {
@@ -53,7 +57,7 @@ impl Responses {
                 "give each a name of its own, like near=gauss:10m..11m,0.1m",
             ));
         }
-        let responses = Responses { list, uniform: None, frequencies: None, heterodyne: None };
+        let responses = Responses { list, uniform: None, frequencies: None, heterodyne: None, chirp: None };
         responses.check()?;
         Ok(responses)
     }
@@ -63,7 +67,7 @@ impl Responses {
         let digits = (gates.count() - 1).to_string().len();
         let response = |k| Response::new(format!("bin{k:0digits$}"), gates.gate(k), edge);
         let list = (0..gates.count()).map(response).collect();
-        Responses { list, uniform: Some(gates), frequencies: None, heterodyne: None }
+        Responses { list, uniform: Some(gates), frequencies: None, heterodyne: None, chirp: None }
     }
 
     /// The responses to a pulsed laser, see [`Response::repeated`].
@@ -98,15 +102,25 @@ impl Responses {
         self.heterodyne
     }
 
+    /// The responses to beat frequencies of an FMCW sensor: gates are lengths of paths at rest that have these frequencies.
+    pub(crate) fn with_chirp(self, chirp: Chirp) -> Responses {
+        Responses { chirp: Some(chirp), ..self }
+    }
+
+    /// See [`Responses::with_chirp`].
+    pub(crate) fn chirp(&self) -> Option<Chirp> {
+        self.chirp
+    }
+
     /// Whether the phases of a continuous-wave sensor are those of travel times, so that it measures depths.
     #[doc(hidden)]
     pub fn have_depths(&self) -> bool {
         self.frequencies.is_some() && self.heterodyne.is_none()
     }
 
-    /// Whether there is one response, whose weight is 1 inside its gate and 0 outside.
+    /// Whether there is one response to travel times, whose weight is 1 inside its gate and 0 outside.
     pub fn is_single_box(&self) -> bool {
-        self.list.len() == 1 && self.list[0].is_box()
+        self.list.len() == 1 && self.list[0].is_box() && self.chirp.is_none()
     }
 
     /// The gates, if they all have the same width and each begins where the one before it ends.
@@ -114,8 +128,12 @@ impl Responses {
         self.uniform
     }
 
-    /// The smallest gate that contains the supports of all responses. Light outside this gate counts for no response.
+    /// The smallest gate that contains the supports of all responses. Light outside this gate counts for no response. The beat frequencies of an
+    /// FMCW sensor say nothing about travel times.
     pub fn support(&self) -> Gate {
+        if self.chirp.is_some() {
+            return Gate::OPEN;
+        }
         let around = |a: Gate, b: Gate| Gate { lo: a.lo.min(b.lo), hi: a.hi.max(b.hi) };
         self.iter().map(Response::support).reduce(around).expect("there is a response")
     }
@@ -123,6 +141,9 @@ impl Responses {
     /// The longest interval in which light counts for no response, between the supports of two responses. `None` if it is shorter than
     /// a quarter of [`Responses::support`].
     pub fn gap(&self) -> Option<Gate> {
+        if self.chirp.is_some() {
+            return None;
+        }
         let mut supports: Vec<Gate> = self.iter().map(Response::support).collect();
         supports.sort_by(|a, b| a.lo.total_cmp(&b.lo));
         let mut end = supports[0].hi;
@@ -154,6 +175,9 @@ impl Responses {
 
     /// The longest gate, with its edges.
     pub fn widest(&self) -> Gate {
+        if self.chirp.is_some() {
+            return Gate::OPEN;
+        }
         let gates = self.iter().map(Response::support_of_pulse);
         gates.max_by(|a, b| (a.hi - a.lo).total_cmp(&(b.hi - b.lo))).expect("there is a response")
     }
@@ -196,11 +220,15 @@ impl Responses {
 
     /// Whether light of every travel time counts fully in every response: the steady state.
     pub fn are_steady(&self) -> bool {
-        self.iter().all(|response| response.is_box() && response.gate().is_open())
+        self.chirp.is_none() && self.iter().all(|response| response.is_box() && response.gate().is_open())
     }
 
     /// The table of an experiment that gives these responses. A table without a file has no text; its response is left out.
     pub(super) fn to_table(&self) -> GateTable {
+        if let Some(chirp) = self.chirp {
+            let of_travel_times = Responses { chirp: None, ..self.clone() };
+            return GateTable { fmcw: Some(chirp), ..of_travel_times.to_table() };
+        }
         let edge = self.list[0].edge();
         let repeat = self.list[0].period().map(OpticalPath);
         if let Some(gates) = self.uniform {
@@ -223,6 +251,10 @@ impl Responses {
 
     /// The gates as text; see [`Gate::describe`].
     pub fn describe(&self) -> String {
+        if let Some(chirp) = self.chirp {
+            let of_travel_times = Responses { chirp: None, ..self.clone() };
+            return format!("beat frequencies of {} (FMCW {chirp})", of_travel_times.describe());
+        }
         match (self.uniform, &self.frequencies) {
             (Some(gates), _) => match self.list[0].period() {
                 None => gates.describe(),
@@ -252,7 +284,7 @@ impl Default for Responses {
 impl From<Gate> for Responses {
     fn from(gate: Gate) -> Responses {
         let list = vec![Response::new(default_name(gate), gate, Edge::Sharp)];
-        Responses { list, uniform: None, frequencies: None, heterodyne: None }
+        Responses { list, uniform: None, frequencies: None, heterodyne: None, chirp: None }
     }
 }
 
@@ -263,7 +295,7 @@ impl From<Frequencies> for Responses {
             (0..4).map(move |k| Response::wave(format!("{}-{k}", Frequencies::name(f)), Frequencies::period(f), k))
         };
         let list = frequencies.megahertz().iter().flat_map(four).collect();
-        Responses { list, uniform: None, frequencies: Some(frequencies), heterodyne: None }
+        Responses { list, uniform: None, frequencies: Some(frequencies), heterodyne: None, chirp: None }
     }
 }
 

@@ -55,6 +55,32 @@ fn the_car_of_the_street_approaches() {
     assert!(count("open.exr").0.abs_diff(car) < 6);
 }
 
+/// What a sensor of velocities records is no light of travel times.
+#[test]
+fn a_detector_counts_no_velocities() {
+    let folder = folder();
+    let here = folder.path();
+    let small =
+        ["--resolution", "24x12", "--spp", "2", "--max-depth", "2", "--estimator", "bdpt", "--gates", "10m..80m/7"];
+    for (flags, name) in [(&["--doppler", "20m/s"][..], "speeds"), (&["--fmcw", "1550nm,1GHz,10us"], "beats")] {
+        for extension in ["npy", "exr", "acc"] {
+            let file = format!("{name}.{extension}");
+            let output =
+                taugate(here, &[&["render", "street.glb", "--at", "1s", "-o", &file], &small[..], flags].concat());
+            assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
+            fails(
+                here,
+                &["detect", &file, "--photons", "5", "-o", "counts.npy"],
+                2,
+                "render it without --doppler and --fmcw",
+            );
+        }
+    }
+    let about = std::fs::read_to_string(here.join("beats.json")).unwrap();
+    // 1 GHz / 10 us / c.
+    assert!(about.contains("\"beat_hz_per_m\": 333564") || about.contains("\"beat_hz_per_m\":333564"), "{about}");
+}
+
 #[test]
 fn mistakes_name_the_remedy() {
     let folder = folder();
@@ -70,6 +96,12 @@ fn mistakes_name_the_remedy() {
             "leave out one of them",
         ),
         (&["street.glb", "--at", "1s", "--doppler", "20m/s", "--strategy-images", "folder"], "leave out one of them"),
+        (&["street.glb", "--fmcw", "1550nm,1GHz,0"], "like 1550nm,1GHz,10us"),
+        (&["street.glb", "--fmcw", "1550nm,1GHz,10us"], "like --gates 0..80m/200"),
+        (
+            &["street.glb", "--fmcw", "1550nm,1GHz,10us", "--gates", "0..80m/9", "--repeat", "100m"],
+            "cannot be used with",
+        ),
     ] {
         let command = [&["render"], flags, &["--resolution", "24x12", "-o", "f.exr"]].concat();
         fails(here, &command, 2, message);

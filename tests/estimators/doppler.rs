@@ -21,7 +21,7 @@ const SPEED: f64 = 4.0;
 const SIZE: [u32; 2] = [20, 14];
 
 /// The scene with these velocities of its points.
-fn moving(mut scene: Scene, of_point: impl Fn(DVec3) -> DVec3) -> Scene {
+pub fn moving(mut scene: Scene, of_point: impl Fn(DVec3) -> DVec3) -> Scene {
     // A linear field, so three points and the origin give the map.
     let origin = of_point(DVec3::ZERO);
     let rate = DAffine3::from_cols(

@@ -15,6 +15,7 @@ mod device;
 mod doppler;
 mod drive;
 mod ellipsoids;
+mod fmcw;
 mod fog;
 mod fog_and_glass;
 mod furnace;

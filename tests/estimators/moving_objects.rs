@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
-use taugate::Job;
 use taugate::internals::generate::glb::{self, Motion};
 use taugate::internals::generate::parts::{add, diffuse, material};
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::scene::Scene;
+use taugate::{Job, ReadyScan};
 
 use super::cells::device;
 
@@ -74,6 +74,11 @@ fn ranges(path: &Path, depth: &str, drives: Option<bool>) -> (Vec<f64>, usize) {
         assert!((f64::from(hit.range) - range).abs() < 1e-4 && hit.object == 1, "shot {shot}: {hit:?}");
     }
     assert_eq!(layers.objects[&1], "wall");
+    (waveform_ranges(scan), renders)
+}
+
+/// The mean range of the light of each shot.
+fn waveform_ranges(scan: ReadyScan) -> Vec<f64> {
     let light = scan.into_arrays().0.means;
     let range = |shot: usize| {
         let bins: Vec<f64> = light.iter().skip(shot).step_by(SHOTS).map(|&x| f64::from(x)).collect();
@@ -81,7 +86,7 @@ fn ranges(path: &Path, depth: &str, drives: Option<bool>) -> (Vec<f64>, usize) {
         let centre = bins.iter().enumerate().map(|(k, x)| (k as f64 + 0.5) * x).sum::<f64>() / bins.iter().sum::<f64>();
         0.5 * (RANGE[0] + centre * (RANGE[1] - RANGE[0]) / BINS as f64)
     };
-    ((0..SHOTS).map(range).collect(), renders)
+    (0..SHOTS).map(range).collect()
 }
 
 fn azimuth(shot: usize) -> f64 {
@@ -112,6 +117,39 @@ fn each_shot_sees_the_wall_where_it_is() {
     assert_eq!(renders, 1);
     let is_right = |(shot, range): (usize, &f64)| (range - expected(shot, false, false)).abs() < 1e-3;
     assert!(found.iter().enumerate().all(is_right), "{found:?}");
+}
+
+/// An FMCW LiDAR: a rising and a falling sweep together tell range and velocity of each shot.
+#[test]
+fn two_sweeps_tell_range_and_velocity() {
+    let folder = tempfile::tempdir().unwrap();
+    for drives in [false, true] {
+        let path = write(folder.path(), drives, "duration = '120ms'");
+        let apparent = |chirp: &str| {
+            let at = AT.to_string();
+            let flags = [("at", &*at), ("max-depth", "2"), ("spp", "16"), ("estimator", "bdpt"), ("fmcw", chirp)];
+            let mut scan =
+                Job::open_with(&path, flags).unwrap().prepare_scan(&device()).unwrap_or_else(|e| panic!("{e}"));
+            scan.run(&Arc::default(), |_| {}).unwrap();
+            waveform_ranges(scan)
+        };
+        let [rising, falling] = ["1550nm,200GHz,10us", "1550nm,200GHz,-10us"].map(apparent);
+        // nu T / B in seconds: a surface that recedes at v seems farther by v times this.
+        let coupling = 299_792_458.0 / 1550e-9 * 10e-6 / 200e9;
+        for shot in 0..SHOTS {
+            let (sin, cos) = azimuth(shot).sin_cos();
+            let [forward, aside] = if drives { [DRIVE[1], DRIVE[0]] } else { [0.0; 2] };
+            let velocity = 0.5 * (rising[shot] - falling[shot]) / coupling;
+            let expected_velocity = -(SPEED + forward) * cos - aside * sin;
+            assert!(
+                (velocity - expected_velocity).abs() < 0.05,
+                "shot {shot}: {velocity}, not {expected_velocity} m/s"
+            );
+            let range = 0.5 * (rising[shot] + falling[shot]);
+            assert!((range - expected(shot, true, drives)).abs() < 1.5e-3, "shot {shot}: {range} m");
+            assert!((rising[shot] - range).abs() > 0.05);
+        }
+    }
 }
 
 /// A screen before the wall is scaled to nothing in the middle of the scan. The wall keeps its number, and has no velocity.

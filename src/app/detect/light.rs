@@ -8,11 +8,13 @@ use taugate::internals::detector::light::{Light, Values};
 use taugate::internals::files::has_extension;
 use taugate::internals::image::accumulation::file::read_about;
 use taugate::internals::image::array_set::read_whole;
-use taugate::internals::image::exr_header::read_corner;
+use taugate::internals::image::exr_header::{read_corner, read_settings};
 use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_file::description_path;
 use taugate::internals::image::npy_read::{DescribedResponse, described, is_counts, is_scan, read, read_scan};
+use taugate::internals::input::experiment::Experiment;
 use taugate::internals::job::memory;
+use taugate::internals::settings::doppler::Doppler;
 
 use crate::app::accumulated;
 
@@ -69,6 +71,11 @@ impl Input {
         let beside = || serde_json::from_slice(&std::fs::read(description_path(path)).ok()?).ok();
         let of_file = if has_extension(path, "npy") { beside().filter(Value::is_object) } else { None };
         let description = of_file.unwrap_or_else(|| description(images, &gates));
+        if records_speeds(path, &description) {
+            return Err(fail(
+                "records velocities or beats, but a detector counts the light of travel times; render it without --doppler and --fmcw",
+            ));
+        }
         let corner = corner(path, &description)?;
         Ok(Input { light, corner, description })
     }
@@ -104,6 +111,14 @@ fn corner(path: &Path, description: &Value) -> Result<Option<[i64; 2]>, Error> {
         return Ok(Some([x0, y0].map(i64::from)));
     }
     Ok(description["crop"][0].as_i64().zip(description["crop"][2].as_i64()).map(<[i64; 2]>::from))
+}
+
+/// Whether the settings in the file `path`, or in the JSON file beside it, are those of a sensor of velocities.
+fn records_speeds(path: &Path, description: &Value) -> bool {
+    let of_sums = || accumulated::is_sums(path).then(|| read_about(path).ok()).flatten().map(|about| about.settings);
+    let settings = description["settings"].as_str().map(String::from).or_else(|| read_settings(path)).or_else(of_sums);
+    let experiment = settings.and_then(|settings| Experiment::parse(&settings).ok());
+    experiment.is_some_and(|e| e.gate.fmcw.is_some() || e.render.doppler.is_some_and(|doppler| doppler != Doppler::OFF))
 }
 
 /// Describes the gates of `images` with the names that the JSON file beside an array has.

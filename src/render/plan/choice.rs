@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 use crate::estimators::{Ellipsoids, Record};
 use crate::gpu::Quirks;
 use crate::render::prepared_scene::PreparedScene;
+use crate::render::velocities;
 use crate::scene::Scene;
-use crate::settings::doppler::Doppler;
 use crate::settings::units::Gate;
 use crate::settings::{Estimator, Responses, Settings, Strategies, UseEllipsoids};
 
@@ -31,7 +31,7 @@ impl Choice {
     /// Fails if `--ellipsoids on` meets participating media, or responses that need the record for histograms.
     pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene, quirks: Quirks) -> Result<Choice> {
         let has_media = !prepared.media.list.is_empty();
-        let has_doppler = settings.doppler() != Doppler::OFF;
+        let has_doppler = velocities::are_needed(settings);
         let ellipsoids = match settings.ellipsoids() {
             UseEllipsoids::Auto
                 if has_media || has_doppler || settings.strategies() == Strategies::Paper || quirks.slow_ellipsoids =>
@@ -46,12 +46,18 @@ impl Choice {
                 ));
             }
             UseEllipsoids::On if has_doppler => {
-                return Err(Error::advice("--ellipsoids on is not possible with --doppler: ", "leave out one of them"));
+                return Err(Error::advice(
+                    "--ellipsoids on is not possible with --doppler or --fmcw: ",
+                    "leave out one of them",
+                ));
             }
             wanted => Some(wanted == UseEllipsoids::On),
         };
         if has_doppler && settings.estimator().record().ellipsoids == Ellipsoids::Enumerated {
-            return Err(Error::advice("--estimator epc is not possible with --doppler; ", "use lcs, bdpt or pt"));
+            return Err(Error::advice(
+                "--estimator epc is not possible with --doppler or --fmcw; ",
+                "use lcs, bdpt or pt",
+            ));
         }
         let choice = Choice { estimator: settings.estimator(), diagonal: scene.diagonal(), ellipsoids };
         if ellipsoids == Some(true) && choice.is_histogram(settings.responses()) {

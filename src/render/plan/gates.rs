@@ -67,7 +67,13 @@ impl Plan {
     pub fn can_have(&self, responses: &Responses) -> bool {
         let kind = |responses: &Responses| {
             let strata = self.event_strata(responses);
-            (responses.is_single_box(), responses.gap().is_some(), self.choice.is_histogram(responses), strata)
+            (
+                responses.is_single_box(),
+                responses.chirp(),
+                responses.gap().is_some(),
+                self.choice.is_histogram(responses),
+                strata,
+            )
         };
         kind(&self.responses) == kind(responses)
     }

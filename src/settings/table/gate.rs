@@ -1,5 +1,6 @@
 //! The settings of the gate, and of the response of the sensor.
 
+use crate::settings::chirp::Chirp;
 use crate::settings::frames::GateKeys;
 use crate::settings::frequencies::{Frequencies, Heterodyne};
 use crate::settings::gates::Gates;
@@ -41,6 +42,11 @@ table! {
         /// Heterodyne continuous-wave sensor (Doppler time of flight): its modulation is faster than that of the light by this frequency,
         /// such as 30Hz. The phases of --cw then turn while the --shutter is open
         heterodyne: Heterodyne, Setting::gate("heterodyne", "HZ").form(Form::Signed).except(View);
+
+        /// Frequency-modulated continuous-wave (FMCW) sensor: wavelength, bandwidth and duration of a sweep, such as 1550nm,1GHz,10us, or
+        /// -10us for a frequency that falls. Gates then count beat frequencies, as the lengths of paths at rest that have them: 1 m is
+        /// bandwidth / duration / c
+        fmcw: Chirp, Setting::gate("fmcw", "LAMBDA,HZ,TIME").excludes(&["cw", "repeat"], "say how light is modulated").except(View);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch).also(Page).affects_no_image();

@@ -46,6 +46,7 @@ impl Visitor for Fill {
             "on",
             "off",
             "localhost:1",
+            "1550nm,1GHz,10us",
             "0/2",
             "keep",
             "strip",
