@@ -143,11 +143,10 @@ impl Job {
     /// scene.
     #[doc(hidden)]
     pub fn new(mut experiment: Experiment, mut scene: Scene) -> Result<Job> {
-        let as_given = experiment.clone();
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
         if velocities::are_needed(&resolved.settings) {
-            scene.velocities = read::velocities(&as_given, &scene)?;
+            scene.velocities = read::velocities(&experiment, &scene)?;
         }
         Ok(Job { experiment, scene, resolved, notes, is_frame: false })
     }

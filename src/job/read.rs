@@ -54,7 +54,8 @@ pub fn end_of_animations(experiment: &Experiment) -> Result<Option<f64>> {
     gltf::end_of_animations(path, &allowed, playback.animation)
 }
 
-/// How the parts of `scene` move, which is that of the experiment, with its cameras and lights. `None` if nothing moves, or if the user chose
+/// How the parts of `scene` move, which is that of the experiment, with its cameras and lights. All choices have been made, so that an
+/// automatic camera stands still. `None` if nothing moves, or if the user chose
 /// no time.
 pub fn velocities(experiment: &Experiment, scene: &Scene) -> Result<Option<Velocities>> {
     let Some(at) = experiment.input.moment().filter(|_| experiment.scene.is_some()) else { return Ok(None) };

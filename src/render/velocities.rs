@@ -51,6 +51,8 @@ pub fn table(scene: &Scene, settings: &Settings, emitters: &EmitterSet, space: &
     // Emissive triangles come first, and move as their instances do.
     texels.extend(emitters.table.iter().enumerate().map(|(index, _)| {
         let light = index.checked_sub(emitters.triangles.len()).map(|k| emitters.sources[k]);
+        // The way to a light at infinity does not change.
+        let light = light.filter(|&light| !scene.lights[light].kind.is_distant());
         texel(light.map_or(DVec3::ZERO, |light| of(&velocities.lights, light)), 0.0)
     }));
     for rate in &velocities.instances {

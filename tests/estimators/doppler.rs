@@ -207,6 +207,26 @@ fn a_receding_wall_and_a_receding_mirror_have_their_speed() {
     }
 }
 
+/// The place of an automatic camera depends on the objects, but it does not move with them.
+#[test]
+fn an_automatic_camera_stands_still() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = pinhole();
+    scene.cameras.clear();
+    let white = material(&mut scene, diffuse("white", [0.5; 3]));
+    add(&mut scene, "car", white, quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2]));
+    add(&mut scene, "wall", white, quad(DVec3::NEG_Z, 3.0 * DVec3::X, 3.0 * DVec3::Y, [1.0; 2]));
+    let motion = Motion { node: "car", times: vec![0.0, 2.0], positions: vec![[0.0; 3], [40.0, 0.0, 0.0]] };
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, glb::write_moving(&scene, Some(&motion))).unwrap();
+    let job = Job::open_with(&path, [("at", "1s"), ("doppler", "4m/s"), ("headlamp", "5")]).unwrap();
+    let velocities = job.scene().velocities.clone().unwrap();
+    let still = velocities.cameras.iter().chain(&velocities.lights).all(|velocity| velocity.length() < 1e-6);
+    assert!(still && !velocities.cameras.is_empty(), "{velocities:?}");
+    let car = velocities.of(0, DVec3::ZERO);
+    assert!(car.distance(20.0 * DVec3::X) < 1e-2, "{car}");
+}
+
 /// A disc that turns about an axis through its centre.
 #[test]
 fn one_side_of_a_turning_disc_approaches() {
