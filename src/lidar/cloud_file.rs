@@ -25,19 +25,22 @@ const FIELDS: [(&str, &str, &str); 10] = [
 
 /// Fails if the extension of `path` is that of no point cloud.
 pub fn check_extension(path: &Path) -> Result<()> {
-    match ["ply", "las", "npy"].iter().any(|extension| has_extension(path, extension)) {
+    match ["ply", "las", "laz", "npy"].iter().any(|extension| has_extension(path, extension)) {
         true => Ok(()),
-        false => Err(Error::settings(format!("the output {} must end in .ply, .las or .npy", path.display()))),
+        false => Err(Error::settings(format!("the output {} must end in .ply, .las, .laz or .npy", path.display()))),
     }
 }
 
-/// Writes the points in the format of the extension of `path`: `.ply` (binary, little-endian), `.las` (version 1.4, point format 6), or
-/// `.npy` (an array of records). An existing file is replaced; after an error, it is unchanged.
+/// Writes the points in the format of the extension of `path`: `.ply` (binary, little-endian), `.las` (version 1.4, point format 6), `.laz` (the
+/// same, compressed) or `.npy` (an array of records). An existing file is replaced; after an error, it is unchanged.
 pub fn write(path: &Path, points: &[Point]) -> Result<()> {
     check_extension(path)?;
     write_atomically(path, |writer| {
         if has_extension(path, "las") {
             return las::write(writer, points);
+        }
+        if has_extension(path, "laz") {
+            return las::write_compressed(writer, points);
         }
         match has_extension(path, "ply") {
             true => writer.write_all(ply_header(points.len()).as_bytes())?,
@@ -150,8 +153,8 @@ mod tests {
     #[test]
     fn other_extensions_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        let message = write(&folder.path().join("a.laz"), &points()).unwrap_err().to_string();
-        assert!(message.contains("must end in .ply, .las or .npy"), "{message}");
+        let message = write(&folder.path().join("a.xyz"), &points()).unwrap_err().to_string();
+        assert!(message.contains("must end in .ply, .las, .laz or .npy"), "{message}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

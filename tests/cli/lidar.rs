@@ -166,7 +166,7 @@ fn mistakes_are_named_and_leave_no_file() {
     std::fs::write(here.join("thin.toml"), text.replace("divergence = 0.1\npixel-fov = 0.1\n", "")).unwrap();
     run(here, &["render", "thin.toml", "--max-depth", "4", "--spp", "1", "--force", "-o", "thin.npy", "-q"]);
     let table: [(&[&str], &str); 9] = [
-        (&["scan.npy", "-o", "x.laz"], "must end in .ply, .las or .npy"),
+        (&["scan.npy", "-o", "x.xyz"], "must end in .ply, .las, .laz or .npy"),
         (&["scan.npy", "-o", "scan.npy"], "would replace the scan"),
         (&["scan.npy", "-o", "x.ply", "--max-echoes", "9"], "from 1 to 8"),
         (&["scan.npy", "-o", "x.ply", "--threshold", "1"], "above 0 and below 1"),

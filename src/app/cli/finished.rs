@@ -227,7 +227,7 @@ pub struct LidarArgs {
     pub input: PathBuf,
 
     /// The point cloud: PLY (binary), LAS 1.4, or a NumPy array with named fields
-    #[arg(short, long, value_name = "OUT.ply|las|npy", help_heading = "Output")]
+    #[arg(short, long, value_name = "OUT.ply|las|laz|npy", help_heading = "Output")]
     pub output: PathBuf,
 
     /// The point of an echo that gives its time: peak, constant-fraction (half of the peak) or threshold
