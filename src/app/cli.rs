@@ -209,6 +209,10 @@ pub struct InfoArgs {
     #[arg(long, value_name = "FILE.svg", help_heading = "Output")]
     pub plot: Option<PathBuf>,
 
+    /// Instead of a report, write the poses of an animated node, for the trajectory of a LiDAR ([scan])
+    #[arg(long, value_name = "NODE=FILE.csv", help_heading = "Output", conflicts_with_all = ["pixel", "map", "plot", "json"])]
+    pub poses: Option<String>,
+
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     pub json: bool,

@@ -5,6 +5,7 @@ mod map;
 mod media;
 mod pixel;
 mod plot;
+mod poses;
 mod text;
 
 use std::path::PathBuf;
@@ -182,6 +183,10 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     map::check(&args.map)?;
     args.plot.as_deref().map_or(Ok(()), plot::check)?;
     let mut experiment = read::experiment(args.input.clone(), args.flags.0.clone())?;
+    if let Some(wanted) = &args.poses {
+        poses::write(&experiment, wanted)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let notes = reduce(&mut experiment);
     let files: Vec<PathBuf> = args.map.iter().chain(&args.plot).cloned().collect();
     render::check_inputs(&files, experiment.scene.as_ref().expect("the experiment names a scene"), &experiment)?;

@@ -54,6 +54,12 @@ pub fn end_of_animations(experiment: &Experiment) -> Result<Option<f64>> {
     gltf::end_of_animations(path, &allowed, playback.animation)
 }
 
+/// Where a node of the scene is, see [`gltf::poses`].
+pub fn poses(experiment: &Experiment, node: &str, steps: impl Fn(f64) -> u32) -> Result<Vec<gltf::Pose>> {
+    let (path, allowed, playback) = source(experiment);
+    gltf::poses(path, &allowed, playback.animation, node, steps)
+}
+
 /// How the parts of `scene` move, which is that of the experiment, with its cameras and lights. All choices have been made, so that an
 /// automatic camera stands still. `None` if nothing moves, or if the user chose
 /// no time.

@@ -42,6 +42,8 @@ mod volume;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
+use glam::{DQuat, DVec3};
+
 use super::Scene;
 use crate::error::{Error, Result};
 pub use animation::{Playback, ROUNDING};
@@ -119,6 +121,39 @@ fn guarded<T>(path: &Path, read: impl FnOnce() -> Checked<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(read))
         .unwrap_or_else(|_| Err("the glTF reader failed on this file; re-export it, and report the file".into()))
         .map_err(|message| Error::Scene { path: path.into(), message })
+}
+
+/// Time in seconds, place in metres and rotation of a node.
+pub type Pose = (f64, DVec3, DQuat);
+
+/// Poses of the node `name` in world space, at `steps` + 1 evenly spaced times from 0 to the end of the animations, or of the animation
+/// `animation`. Scales are left out. Fails as [`load_with`] does if an animation is not valid, and if there is no such node or no animation.
+pub fn poses(
+    path: &Path,
+    allowed: &[PathBuf],
+    animation: Option<&str>,
+    name: &str,
+    steps: impl Fn(f64) -> u32,
+) -> Result<Vec<Pose>> {
+    let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
+    guarded(path, || {
+        let mut doc = Document::open(&bytes, Folders::new(path, allowed))?;
+        let Some(end) = animation::end(&doc, animation)? else {
+            return Err("has no animations, so no node moves".into());
+        };
+        let index = (0..doc.root.nodes.len()).find(|&index| doc.node_name(index) == name);
+        let index = index.ok_or_else(|| format!("has no node '{name}'; taugate info lists cameras and lights"))?;
+        let steps = steps(end).max(1);
+        let pose = |step: u32| {
+            let time = end * f64::from(step) / f64::from(steps);
+            animation::pose(&mut doc, Playback { at: Some(time), animation }, &mut Warnings::default())?;
+            let world = node::world_transforms(&doc)?.get(index);
+            let world = world.ok_or_else(|| format!("has the node '{name}', but not in its scene"))?;
+            let (_, rotation, place) = world.to_scale_rotation_translation();
+            Ok((time, place, rotation))
+        };
+        (0..=steps).map(pose).collect()
+    })
 }
 
 /// Time in seconds of the last key of the animations in the file, or of the animation `name`. `None` if no animation moves a node.

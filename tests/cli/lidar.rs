@@ -251,3 +251,36 @@ fn a_cloud_from_a_car_is_skewed() {
     let wrong = read(&here.join("wrong.npy"));
     assert!((wrong.last().unwrap().position.z + WALL).abs() > 0.06);
 }
+
+/// A LiDAR on the other car of the street: the trajectory is that of the car.
+#[test]
+fn a_trajectory_comes_from_an_animated_node() {
+    let here = folder();
+    let here = here.path();
+    let street = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/street.glb");
+    std::fs::copy(street, here.join("street.glb")).unwrap();
+    let output = taugate(here, &["info", "street.glb", "--poses", "car=poses.csv"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && said.contains("poses of 'car' from 0 s to 2 s"), "{said}");
+    let text = std::fs::read_to_string(here.join("poses.csv")).unwrap();
+    let row = |line: &str| line.split(',').map(|x| x.parse::<f64>().unwrap()).collect::<Vec<_>>();
+    let rows: Vec<_> = text.lines().skip(1).map(row).collect();
+    assert_eq!((rows.len(), rows[480][0]), (481, 2.0));
+    // 17 m/s along the street.
+    let speed = (rows[480][3] - rows[0][3]) / 2.0;
+    assert!((speed.abs() - 17.0).abs() < 0.1 && rows[240][1] == rows[0][1], "{speed} m/s");
+    let scan = "scene = 'street.glb'\n[scan]\nlaser = [0, 1.5, 0]\nduration = '100ms'\ntrajectory = 'poses.csv'\nbegin = '0.5s'\n\
+                divergence = 0.1\npixel-fov = 0.1\npoints = {forward = [0, 0, 1], azimuth = [-2, 2], elevation = [-1, 1], count = [3, 1]}\n\
+                [gate]\ngates = '1m..80m/79'\n[render]\nspp = 2\nmax-depth = 2\n";
+    std::fs::write(here.join("scan.toml"), scan).unwrap();
+    run(here, &["render", "scan.toml", "--force", "-o", "scan.npy", "-q"]);
+    for (flags, message) in [
+        (&["street.glb", "--poses", "nobody=x.csv"][..], "has no node 'nobody'"),
+        (&["street.glb", "--poses", "car"], "write it like car=poses.csv"),
+        (&["street.glb", "--poses", "car=x.txt"], "write it like car=poses.csv"),
+        (&["street.glb", "--animation", "none", "--poses", "car=x.csv"], "has no animations"),
+    ] {
+        fails(here, &[&["info"], flags].concat(), 2, message);
+    }
+    assert!(!names(here).iter().any(|name| name.starts_with('x')));
+}

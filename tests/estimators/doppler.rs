@@ -7,7 +7,7 @@ use taugate::internals::generate::parts::{add, diffuse, light, material, metal};
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene, Velocities};
+use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Scene, Velocities};
 use taugate::internals::settings::doppler::Doppler;
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
@@ -131,15 +131,7 @@ fn nothing_changes_its_length_if_all_moves_alike() {
 fn pinhole() -> Scene {
     let mut scene = Scene::default();
     light(&mut scene, "lamp", DVec3::new(0.0, 1e-3, 0.0), DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
-    scene.add_camera(Camera {
-        name: "pinhole".into(),
-        transform: DAffine3::IDENTITY,
-        projection: Projection::Perspective { yfov: 2.0 * HALF_FIELD },
-        aspect: None,
-        resolution: None,
-        principal_point: Camera::CENTRED,
-        lens: taugate::Lens::PINHOLE,
-    });
+    scene.add_camera(Camera::looking_at("pinhole", DVec3::ZERO, DVec3::NEG_Z, 2.0 * HALF_FIELD, SIZE));
     scene
 }
 
