@@ -112,6 +112,11 @@ impl State {
                 "while the shutter is open, nodes follow the animations of the file; leave out shutter, or do not move nodes",
             ));
         }
+        if job.scene.velocities.is_some() && !self.moved.is_empty() {
+            return Err(crate::errors::settings(
+                "velocities are those of the animations of the file; leave out doppler and fmcw, or do not move nodes",
+            ));
+        }
         let has_variance = count > 1 && experiment.output.variance.unwrap_or(false);
         engine::check_memory(self.ready.as_ref(), settings, has_variance)?;
         // The files of sums are those of the call: an experiment file names outputs of the program.

@@ -53,6 +53,25 @@ def test_a_shutter_blurs_what_moves(program, tmp_path):
         taugate.render(moved, at=1, shutter="0..20ms", spp=1)
 
 
+def test_velocities_are_recorded(program, tmp_path):
+    street = taugate.load(SCENES / "street.glb")
+    settings = {"at": 1, "spp": 8, "resolution": (64, 36), "max_depth": 2}
+    pixels = taugate.render(street, **settings, doppler="20m/s").pixels.astype(float)
+    words = ["--at", 1, "--spp", 8, "--resolution", "64x36", "--max-depth", 2, "--doppler", "20m/s"]
+    code, text = program("render", SCENES / "street.glb", *words, "-o", "cli.npy")
+    assert code == 0 and np.array_equal(pixels, np.load(tmp_path / "cli.npy")), text
+    red, green, blue = np.moveaxis(pixels, -1, 0)
+    light = red + 2 * green + blue
+    velocity = 20 * (red - blue)[light > 0] / light[light > 0]
+    assert velocity.min() < -10 and abs(np.median(velocity)) < 1e-3
+    beats = taugate.histogram(street, **settings, fmcw="905nm,10GHz,10us", gates="0..120m/40")
+    assert beats.pixels.any()
+    moved = taugate.load(SCENES / "street.glb", moves=["car"])
+    moved.set_transform("car", moved.transform("car"))
+    with pytest.raises(taugate.SettingsError, match="leave out doppler and fmcw, or do not move nodes"):
+        taugate.render(moved, at=1, doppler="20m/s", spp=1)
+
+
 def test_fireflies_are_damped_beside_the_unbiased_image(box):
     settings = {"gate": "5m..5.1m", "spp": 16, "estimator": "pt"}
     keep, damp = (taugate.render(box, **settings, fireflies=fireflies) for fireflies in ("keep", "damp"))

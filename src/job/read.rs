@@ -72,7 +72,10 @@ pub fn velocities(experiment: &Experiment, scene: &Scene) -> Result<Option<Veloc
         (experiment.input.at, experiment.input.shutter, experiment.input.rolling) = (Some(Moment(at)), None, None);
         experiment.gate.heterodyne = None;
         let mut scene = self::scene(&experiment)?;
-        scenery::apply(&mut experiment, &mut scene)?;
+        // Laser and sensor of a scan follow its trajectory.
+        if experiment.scan.is_none() {
+            scenery::apply(&mut experiment, &mut scene)?;
+        }
         Ok::<_, Error>(scene)
     };
     let [before, after] = [pose(times[0])?, pose(times[1])?];
