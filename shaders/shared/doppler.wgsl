@@ -9,10 +9,6 @@
 #import path
 #import scene
 
-// Velocity of the sensor; then that of each emitter, which has a meaning if the emitter has no surface; then three texels per instance. The
-// velocity of the point p of an instance has the components dot(texel, (p, 1)).
-@group(0) @binding(18) var velocities: texture_1d<u32>;
-
 // Velocity of the sensor.
 fn sensor_velocity() -> vec3<f32> {
     return bitcast<vec4<f32>>(textureLoad(velocities, 0u, 0)).xyz;

@@ -1,6 +1,5 @@
 // The state that a subpath carries from bounce to bounce, and the record of a vertex that can be connected.
 #import frame
-#import scene
 
 // A subpath under way: the ray that is traced next. d_vcm and d_vc are Georgiev's partial MIS sums ("Implementing Vertex
 // Connection and Merging", 2012, Sec. 4) with every term squared (power heuristic, beta = 2).
@@ -29,6 +28,11 @@ struct PathState {
     // The triangle that the ray leaves, or NONE.
     triangle: u32,
 }
+
+// With HAS_DOPPLER (doppler.wgsl). xyz: velocity of the sensor; then that of each emitter, which has a meaning if the emitter has no surface;
+// then three texels per instance: the velocity of the point p of an instance has the components dot(texel, (p, 1)). Emitters, w: probability
+// that a light subpath starts from it.
+@group(0) @binding(20) var velocities: texture_1d<u32>;
 
 const PATH_ALIVE: u32 = 1u;
 // The path has made no random choice yet: it follows a beam of zero radius, or the reflection of this beam by mirrors.
@@ -153,7 +157,7 @@ fn random_vertices(v: PathVertex) -> u32 {
 // Probability of selecting the emitter of a light subpath.
 fn emitter_probability(s: PathState) -> f32 {
     if (HAS_DOPPLER) {
-        return load_emitter(s.emitter).select_pdf;
+        return bitcast<f32>(textureLoad(velocities, 1u + s.emitter, 0).w);
     }
     return s.select_pdf;
 }
@@ -162,7 +166,7 @@ fn emitter_probability(s: PathState) -> f32 {
 fn selection_pdf(v: PathVertex) -> f32 {
     if (HAS_DOPPLER) {
         if ((v.flags & VERTEX_DETERMINISTIC) != 0u) {
-            return load_emitter(v.owner).select_pdf;
+            return bitcast<f32>(textureLoad(velocities, 1u + v.owner, 0).w);
         }
         return 1.0;
     }

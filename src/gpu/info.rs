@@ -130,7 +130,7 @@ pub struct BufferCounts {
 
 impl BufferCounts {
     /// Maximum numbers of buffers that a kernel of taugate binds. One storage buffer is for index checks.
-    pub const NEEDED: BufferCounts = BufferCounts { storage: 15, texels: 15, all: 30 };
+    pub const NEEDED: BufferCounts = BufferCounts { storage: 15, texels: 16, all: 31 };
     const UNLIMITED: BufferCounts = BufferCounts { storage: u32::MAX, texels: u32::MAX, all: u32::MAX };
 
     fn allowed_by(limits: &vk::PhysicalDeviceLimits) -> BufferCounts {

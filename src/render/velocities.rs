@@ -24,7 +24,7 @@ pub fn range_coupling(settings: &Settings) -> f64 {
     settings.responses().chirp().map_or(0.0, |chirp| chirp.coupling() * unit(settings))
 }
 
-/// The texels: the velocity of the sensor, those of the emitters of `emitters.table`, and three rows per instance. All are in units of the
+/// The texels: the velocity of the sensor, those of the emitters of `emitters.table` with their probabilities, and three rows per instance. All are in units of the
 /// speed that saturates the colours, or in m/s. Empty if the image depends on no velocities. Fails if a velocity is not known. For an FMCW sensor, a scene
 /// without velocities is at rest.
 pub fn table(scene: &Scene, settings: &Settings, emitters: &EmitterSet, space: &RenderSpace) -> Result<Vec<[f32; 4]>> {
@@ -49,11 +49,12 @@ pub fn table(scene: &Scene, settings: &Settings, emitters: &EmitterSet, space: &
     let of = |list: &[DVec3], index: usize| list.get(index).copied().unwrap_or_default();
     let mut texels = vec![texel(of(&velocities.cameras, settings.camera()), 0.0)];
     // Emissive triangles come first, and move as their instances do.
-    texels.extend(emitters.table.iter().enumerate().map(|(index, _)| {
+    texels.extend(emitters.table.iter().enumerate().map(|(index, entry)| {
         let light = index.checked_sub(emitters.triangles.len()).map(|k| emitters.sources[k]);
         // The way to a light at infinity does not change.
         let light = light.filter(|&light| !scene.lights[light].kind.is_distant());
-        texel(light.map_or(DVec3::ZERO, |light| of(&velocities.lights, light)), 0.0)
+        let [x, y, z, _] = texel(light.map_or(DVec3::ZERO, |light| of(&velocities.lights, light)), 0.0);
+        [x, y, z, entry.select_pdf]
     }));
     for rate in &velocities.instances {
         let in_render_space = rate.unwrap_or(DAffine3::ZERO)
