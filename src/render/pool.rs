@@ -145,10 +145,12 @@ impl LightPool {
         }
     }
 
-    /// The deterministic vertices, with the CDF for drawing one of them.
+    /// The deterministic vertices. If each shade point draws some of them, they have the CDF for it.
     fn deterministic_with_cdf(&self) -> Vec<PathVertex> {
         let mut vertices = self.deterministic.clone();
-        set_selection_cdf(&mut vertices);
+        if vertices.len() > DETERMINISTIC_SLOTS as usize {
+            set_selection_cdf(&mut vertices);
+        }
         vertices
     }
 

@@ -23,8 +23,8 @@ impl Doppler {
         self.0
     }
 
-    /// Decodes a pixel, or a sum over pixels, of a Doppler image with the saturating `speed`: the mean radial velocity of the light and its
-    /// standard deviation, both in m/s and weighted by light. Not a number if there is no light.
+    /// Decodes a pixel of a Doppler image with the saturating `speed`, or a sum over pixels. Returns the mean radial velocity and its standard
+    /// deviation in m/s, weighted by light. Not a number if there is no light.
     ///
     /// A path with the radial velocity u, in units of `speed`, has the colour (1 + u)^2, 1 - u^2, (1 - u)^2 times its light.
     pub fn decode(speed: f64, [r, g, b]: [f64; 3]) -> [f64; 2] {

@@ -1,13 +1,13 @@
 //! Images that record velocities, compared with closed forms.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use taugate::Job;
 use taugate::internals::generate::glb::{self, Motion};
 use taugate::internals::generate::parts::{add, diffuse, light, material, metal};
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Scene, Velocities};
+use taugate::internals::scene::{Camera, Instance, LightKind, Medium, PhaseFunction, Scene, Velocities};
 use taugate::internals::settings::doppler::Doppler;
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
@@ -106,6 +106,24 @@ fn paths_of_a_scene_that_grows_become_longer_by_their_length() {
     for (number, scene) in resting.iter().enumerate() {
         let (lit, wrong) = wrong_in_growing_scene(scene, Estimator::Lcs, gates(2.0, 12.0, 40));
         assert!(wrong > lit / 50, "negative control {number}: {wrong} of {lit}");
+    }
+}
+
+/// The spots of beams without width are stored once, for all subpaths. Each knows its own object: another object is at rest.
+#[test]
+fn the_spot_of_a_beam_moves_with_its_object() {
+    // Without alpha, where a beam passes surfaces at random.
+    let mut scene = build(Kind::CornellBox);
+    let kind = LightKind::Beam { power: [50.0; 3], radius: 0.0 };
+    light(&mut scene, "beam", DVec3::new(-0.3, 1.5, 0.7), DVec3::new(0.1, 0.05, -1.0).normalize(), kind);
+    let far = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-3), DQuat::IDENTITY, 30.0 * DVec3::Y);
+    let resting = Instance { transform: far, ..scene.instances[0].clone() };
+    scene.instances.insert(0, resting);
+    let mut scene = moving(scene, |p| 0.7 * p);
+    scene.velocities.as_mut().unwrap().instances[0] = Some(DAffine3::ZERO);
+    for estimator in [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs] {
+        let (lit, wrong) = wrong_in_growing_scene(&scene, estimator, gates(2.0, 12.0, 40));
+        assert!(lit > 500 && wrong == 0, "{estimator}: {wrong} of {lit} are wrong");
     }
 }
 
