@@ -114,10 +114,13 @@ def test_the_gate_is_typed_in_all_units():
         page.until("Number(document.getElementById('gate-from').value) < 10")
         page.click("#gate-play")
 
-        # A gate without end gets one from the end of the range.
-        page.enter("#gate-to", "inf")
-        page.until("document.getElementById('gate-width').value === 'inf'")
-        page.find("#gate-end").send_keys(Keys.LEFT)
+        # A gate without end gets one from the end of the range, also if the key comes before the next frame of the screen.
+        page.run(
+            """const to = document.getElementById('gate-to');
+            to.value = 'inf';
+            to.dispatchEvent(new Event('change', { bubbles: true }));
+            document.getElementById('gate-end').dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft', bubbles: true }))"""
+        )
         page.until("Number(document.getElementById('gate-to').value) < 200")
 
         # The time line has a finest scale.

@@ -56,8 +56,13 @@ export function makeTimeline(model, actions) {
     return Math.max(0, Math.round(metres / unit / step) * step * unit);
   }
 
-  const draw = onceAFrame(() => {
+  /** The range follows the gate and the light at once: a key may come before the next frame. */
+  function draw() {
     measure();
+    paint();
+  }
+
+  const paint = onceAFrame(() => {
     const { context, width: w, height } = fitCanvas(byId('track-plot'));
     const base = height - AXIS_HEIGHT;
     if (hasGate()) {
