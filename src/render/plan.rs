@@ -6,6 +6,8 @@ mod choice;
 mod constants;
 mod gates;
 mod merging;
+mod slots;
+mod tuning;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,7 +16,7 @@ use glam::Vec3;
 
 use super::emitters::EmitterSet;
 use super::material::Features;
-use super::photons::{self, NO_LEVELS};
+use super::photons;
 use super::pool_layout::PoolLayout;
 use super::prepared_scene::PreparedScene;
 use super::samples::{MAX_AIMED_SAMPLES, MAX_AVERAGE_SAMPLES};
@@ -32,62 +34,13 @@ use crate::wgsl::layout::{Frame, NONE};
 use camera::CameraKind;
 use choice::Choice;
 use merging::Merging;
+pub use tuning::{Observe, Tuning};
 
 /// Represents infinity on the device. Its sum with any travel time is still finite.
 const OPEN: f32 = 3e38;
 
 /// Maximum number of triangles in a part of the BVH. A work item searches one part for the triangles that an ellipsoid meets.
 const PART_TRIANGLES: u32 = 4096;
-
-/// Parameters that change the speed but never the image; a test checks this.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Tuning {
-    /// Threads per workgroup.
-    pub workgroup: u32,
-    /// Maximum number of sensor paths in a tile. `None` adapts it to the time that submits take. On a graphics card a fixed
-    /// tile size also fixes the number of bounces per submit of light paths.
-    pub tile: Option<usize>,
-    /// Number of contributions of sensor subpaths that the device keeps until the host reads them, or more if one bounce needs more.
-    /// `None`: as many as take at most a few hundred megabytes. No effect if the device reports no contributions.
-    pub observed: Option<usize>,
-    /// Number of iterations in flight, 1 or 2; see [`Drive::in_flight`](crate::gpu::Drive::in_flight). `None`: that of the device.
-    pub in_flight: Option<u32>,
-    /// Holds back the last tile of an iteration until the light of the next one is there, and the image of the one before is in the film.
-    /// So a test shows that the device need not wait for them.
-    pub holds_for_host: bool,
-}
-
-impl Default for Tuning {
-    fn default() -> Self {
-        Tuning { workgroup: 64, tile: None, observed: None, in_flight: None, holds_for_host: false }
-    }
-}
-
-/// What the device reports to the host about every contribution.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Observe {
-    /// Nothing: the device renders an image.
-    Nothing,
-    /// The contribution and its travel time.
-    Times,
-    /// The contribution without its MIS weight, and the MIS weight.
-    Strategies,
-    /// The image, and for each contribution its pixel and travel time, from which the host computes the images of several
-    /// responses.
-    Responses,
-}
-
-impl Observe {
-    /// Whether the host reads which strategy each contribution comes from. The device then renders no image.
-    pub fn has_strategies(self) -> bool {
-        matches!(self, Observe::Times | Observe::Strategies)
-    }
-
-    /// Whether the device reports a number for each splat (t = 1), beside its light and its pixel.
-    pub fn has_splat_details(self) -> bool {
-        matches!(self, Observe::Strategies | Observe::Responses)
-    }
-}
 
 /// Identifies an iteration; the random numbers of its samples depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -301,51 +254,6 @@ impl Plan {
         self.merging = None;
         self.records_doppler = false;
         self.range_coupling = 0.0;
-    }
-
-    /// Number of candidate slots per shade point for a pool, at least 1.
-    pub fn slots(&self, pool: &PoolLayout) -> u32 {
-        debug_assert!(pool.longest_path <= self.max_depth);
-        let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
-        let [strata, cycle] = self.event_strata(&self.responses);
-        let drawn = if self.draws_in_gate() { deterministic * strata.div_ceil(cycle) } else { 0 };
-        let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries, self.time_groups()));
-        (drawn + deterministic + u32::from(self.has_sky) + chosen).max(1)
-    }
-
-    /// Maximum number of candidate slots per shade point over all possible pools.
-    pub fn max_slots(&self, emitters: &EmitterSet) -> u32 {
-        let punctual = emitters.deterministic.len() as u32;
-        let queried = self.queries_deterministic(self.max_deterministic);
-        let (spatial, all) = match self.single_tree {
-            true => (queried, emitters.has_area() || self.traces_light || queried),
-            false => (emitters.has_area() || queried, self.traces_light || queried),
-        };
-        self.slots(&PoolLayout {
-            // If thin beams miss everything, only the punctual lights are left. They may be few enough for one slot each.
-            deterministic: if self.queries_deterministic(punctual) { 0 } else { self.max_deterministic },
-            emitter_vertices: u32::from(emitters.has_area()),
-            tree3_root: if spatial { 0 } else { NONE },
-            tree4_root: if all { 0 } else { NONE },
-            longest_path: self.max_depth,
-            vertices: 0,
-            photon_list_mask: 0,
-            photon_levels: NO_LEVELS,
-        })
-    }
-
-    /// A number of candidate slots that [`Plan::slots`] never exceeds, whatever the pool is.
-    pub fn slot_limit(&self) -> u32 {
-        self.slots(&PoolLayout {
-            deterministic: if self.max_deterministic > 0 { DETERMINISTIC_SLOTS } else { 0 },
-            emitter_vertices: 1,
-            tree3_root: 0,
-            tree4_root: 0,
-            longest_path: self.max_depth,
-            vertices: 0,
-            photon_list_mask: 0,
-            photon_levels: NO_LEVELS,
-        })
     }
 
     /// The frame of an iteration. `pool` is `None` for the light subpaths. For the sensor subpaths it is the pool's layout and
