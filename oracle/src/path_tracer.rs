@@ -160,7 +160,8 @@ impl Tracer<'_> {
         let mut sums = vec![Sums::default(); self.settings.bins.len()];
         let mut splats = Vec::new();
         for _ in 0..self.settings.spp {
-            let ray = self.sensor.ray(x + pcg.uniform(), y + pcg.uniform());
+            let (at_x, at_y) = (x + pcg.uniform(), y + pcg.uniform());
+            let (ray, delay) = self.sensor.ray(at_x, at_y, &mut pcg);
             let mut sample_bins = SampleBins { settings: self.settings, bins: vec![DVec3::ZERO; sums.len()] };
             let channel = self.world.media.channel(&mut pcg);
             let mut spots = Vec::new();
@@ -168,15 +169,25 @@ impl Tracer<'_> {
                 spots.extend(emitter::spots(self.world, beam, self.settings.max_depth - 1, channel, &mut pcg));
             }
             splats.extend(spots.iter().filter_map(|beam_spot| self.splat(beam_spot, channel, &mut pcg)));
-            self.path(ray, channel, &spots, &mut sample_bins, &mut pcg);
+            self.path(ray, delay, channel, &spots, &mut sample_bins, &mut pcg);
             sums.iter_mut().zip(&sample_bins.bins).for_each(|(sum, &value)| sum.add(value));
         }
         (sums, splats)
     }
 
-    fn path(&self, mut ray: Ray, channel: Channel, spots: &[BeamSpot], sample_bins: &mut SampleBins, pcg: &mut Pcg) {
+    /// `delay`: length in metres at the sensor that counts besides the segments.
+    fn path(
+        &self,
+        mut ray: Ray,
+        delay: f64,
+        channel: Channel,
+        spots: &[BeamSpot],
+        sample_bins: &mut SampleBins,
+        pcg: &mut Pcg,
+    ) {
         let mut throughput = channel.weight;
-        let (mut tau, mut region) = (0.0, self.world.region(ray));
+        let mut region = self.world.region(ray);
+        let mut tau = region.group_index * delay;
         // Density per steradian of the last direction; `None` after the sensor, a mirror or glass.
         let mut last: Option<f64> = None;
         for segments in 1..=self.settings.max_depth {
@@ -300,14 +311,14 @@ impl Tracer<'_> {
             return None;
         }
         let spot = beam_spot.vertex.position();
-        let seen = self.sensor.project(spot)?;
+        let seen = self.sensor.project(spot, pcg)?;
         let to = seen.sensor - spot;
         let value = DVec3::from(beam_spot.towards(to.normalize())) * seen.density;
         if value == DVec3::ZERO {
             return None;
         }
         let passed = self.world.transmittance([spot, seen.sensor], false, beam_spot.region, channel, pcg);
-        let tau = beam_spot.tau + beam_spot.region.group_index * to.length();
+        let tau = beam_spot.tau + beam_spot.region.group_index * (to.length() + seen.delay);
         (passed > 0.0).then_some((seen.pixel, tau, value * channel.weight * passed))
     }
 }

@@ -1,14 +1,16 @@
 //! Thin lenses against closed forms: the circle of confusion, its light, and travel times; with camera rays and with connections of light
-//! vertices to the lens (t = 1).
+//! vertices to the lens (t = 1). A lens that also distorts, against the oracle.
 
 use glam::DVec3;
 use taugate::internals::generate::parts::{add, camera, diffuse, emitter, light, material};
 use taugate::internals::generate::shapes::quad;
+use taugate::internals::generate::zoo;
 use taugate::internals::render::Renderer;
-use taugate::internals::scene::{Aperture, Lens, LightKind, Projection, Scene};
+use taugate::internals::scene::{Aperture, Distortion, Lens, LightKind, Projection, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling};
 
+use super::agreement::{against, assert_none, feature_against_oracle, feature_estimators, oracle, oracle_samples};
 use super::cells::{renderer, settings};
 
 const SIZE: [u32; 2] = [32, 32];
@@ -140,4 +142,20 @@ fn points_in_focus_have_the_travel_time_of_a_pinhole() {
     let elsewhere = Aperture { focus: 1.0, ..disc().unwrap() };
     let [partial, _] = pt(&panel(Some(elsewhere), FOCUS, width / 3.0), around(FOCUS));
     assert!(partial < 3.0, "{partial}");
+}
+
+/// A room with every material, seen by a wide lens that also distorts the image.
+#[test]
+fn a_room_through_a_lens_agrees_with_the_oracle() {
+    for (name, light) in [("area", zoo::Light::Area), ("beam", zoo::Light::Beam)] {
+        let mut scene = zoo::zoo(light);
+        let sharp = scene.clone();
+        let distortion = Distortion::Rational { radial: [-0.25, 0.06, 0.0, 0.0, 0.0, 0.0], tangential: [4e-3, -3e-3] };
+        let aperture = Some(Aperture { diameter: 0.3, focus: 2.0, blades: 0 });
+        scene.cameras[0].lens = Lens { distortion, aperture, ..Lens::PINHOLE };
+        let gates = [(6.0, 7.5), (0.0, f64::INFINITY)];
+        assert_none(feature_against_oracle(name, &scene, &gates, [24, 16]));
+        let of_pinhole = oracle(&sharp, &gates, [24, 16], oracle_samples());
+        assert!(!against(name, &feature_estimators(&scene), &scene, &gates, &of_pinhole).is_empty());
+    }
 }
