@@ -31,6 +31,7 @@ fn shipped_experiments_can_be_read() {
         "street-slices.toml",
         "street-lidar.toml",
         "street-turn.toml",
+        "windscreen-lidar.toml",
         "hidden-letter.toml",
     ];
     for name in names {

@@ -74,7 +74,10 @@ if [ "$seconds" != 0 ]; then
     "$python" "$root/examples/hidden_letter.py" "$work/letter.npy" "$pictures/letter.png"
     "$taugate" render "$root/scenes/street-turn.toml" -o "$work/turn.npy"
     "$taugate" lidar "$work/turn.npy" -o "$work/turn_points.npy"
-    "$python" "$pictures/turn.py" "$work/turn_points.npy" "$pictures/turn.png"
+    "$python" "$pictures/points.py" "$work/turn_points.npy" "$pictures/turn.png" time
+    "$taugate" render "$root/scenes/windscreen-lidar.toml" --aov depth,object -o "$work/fog.npy"
+    "$taugate" lidar "$work/fog.npy" -o "$work/fog_points.npy" --threshold 0.02
+    "$python" "$pictures/points.py" "$work/fog_points.npy" "$pictures/fog-lidar.png" object
 fi
 sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.##.exr" --gif "$pictures/street.gif"
 
