@@ -16,8 +16,8 @@ use crate::flags::Words;
 use crate::image::array;
 use crate::scene::NativeScene;
 
-/// The array of a scan, its description as JSON, and, with the setting `variance`, its variances.
-type Arrays<'py> = (Bound<'py, PyAny>, String, Option<Bound<'py, PyAny>>);
+/// The array of a scan, its description as JSON, with the setting `variance` its variances, and with `doppler` its velocities.
+type Arrays<'py> = (Bound<'py, PyAny>, String, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
 
 /// Measures all pairs of points of the scan of `scene`. Returns what the command line writes to files, `None` if no point of the laser
 /// was measured; warnings; and the exception that interrupted the scan, if any.
@@ -32,22 +32,25 @@ pub fn scan<'py>(
     let result = py.detach(|| run(scene.scan_job(&flags)?, progress.as_ref()));
     engine::forget_lost();
     let Measured { arrays, warnings, interrupt } = result?;
-    let arrays = arrays.map(|(ScanArrays { shape, means, variances }, description)| {
+    let arrays = arrays.map(|(ScanArrays { shape, means, variances, velocities }, description)| {
         let variances = variances.map(|values| array(py, values, &shape)).transpose()?;
-        PyResult::Ok((array(py, means, &shape)?, description, variances))
+        let of_velocities = [&shape[..], &[2]].concat();
+        let velocities = velocities.map(|values| array(py, values, &of_velocities)).transpose()?;
+        PyResult::Ok((array(py, means, &shape)?, description, variances, velocities))
     });
     Ok((arrays.transpose()?, shown(&warnings), interrupt))
 }
 
-/// Writes the array of a scan, its variances, its layers (the bytes of their `.npy` file) and its description (JSON) as the command line
+/// Writes the array of a scan, its variances, its velocities, its layers (the bytes of their `.npy` file) and its description (JSON) as the command line
 /// does: all of them or none.
 #[pyfunction]
-#[pyo3(signature = (path, data, variance, layers, description))]
+#[pyo3(signature = (path, data, variance, velocity, layers, description))]
 pub fn write_scan(
     py: Python<'_>,
     path: PathBuf,
     data: PyReadonlyArrayDyn<'_, f32>,
     variance: Option<PyReadonlyArrayDyn<'_, f32>>,
+    velocity: Option<PyReadonlyArrayDyn<'_, f32>>,
     layers: Option<&[u8]>,
     description: &str,
 ) -> PyResult<()> {
@@ -60,7 +63,7 @@ pub fn write_scan(
         None => forget_arrays(object),
     }
     let mut set = ArraySet::new(&path);
-    for (role, array) in [(Role::Array, Some(data)), (Role::Variance, variance)] {
+    for (role, array) in [(Role::Array, Some(data)), (Role::Variance, variance), (Role::Velocity, velocity)] {
         let Some(array) = array else { continue };
         set.add(role, array.shape(), array.as_array().iter().copied()).map_err(Failure::from)?;
     }
@@ -70,12 +73,12 @@ pub fn write_scan(
     Ok(py.detach(|| set.publish(&about)).map_err(Failure::from)?)
 }
 
-/// Fails if the array `path`, or an array beside it, is not the one that the JSON file describes. Returns the paths of the variances and
-/// of the layers, if there are any.
+/// Fails if the array `path`, or an array beside it, is not the one that the JSON file describes. Returns the paths of the variances, of
+/// the velocities and of the layers, if there are any.
 #[pyfunction]
-pub fn check_scan(py: Python<'_>, path: PathBuf) -> PyResult<(Option<PathBuf>, Option<PathBuf>)> {
+pub fn check_scan(py: Python<'_>, path: PathBuf) -> PyResult<[Option<PathBuf>; 3]> {
     py.detach(|| array_set::check_files(&path)).map_err(Failure::from)?;
-    Ok((array_set::beside(&path, Role::Variance), array_set::beside(&path, Role::Layers)))
+    Ok([Role::Variance, Role::Velocity, Role::Layers].map(|role| array_set::beside(&path, role)))
 }
 
 struct Measured {

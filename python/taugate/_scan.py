@@ -28,7 +28,9 @@ class Scan:
 
     ``data`` is a float32 array: (T, points) for a confocal scan, else (T, points of the laser, points of the sensor). It holds the radiance of
     the points in W/(m^2 sr), as the mean of red, green and blue. Points that an interrupt left out are NaN. ``variance`` has the
-    same shape; ``None`` if the scan had no ``variance=True``. ``description`` is the JSON of the program: positions, gates, settings.
+    same shape; ``None`` if the scan had no ``variance=True``. ``velocity`` has a last axis for the mean radial velocity of the light and its
+    standard deviation in m/s, NaN without light; ``None`` if the scan had no ``doppler``. ``description`` is the JSON of the program:
+    positions, gates, settings.
     ``layers`` are the auxiliary layers of a scan that the program made with ``--aov``: an array with one field per layer, else ``None``.
     """
 
@@ -38,8 +40,10 @@ class Scan:
         description: dict[str, Any],
         variance: Optional[np.ndarray] = None,
         layers: Optional[np.ndarray] = None,
+        velocity: Optional[np.ndarray] = None,
     ) -> None:
-        self.data, self.description, self.variance, self.layers = data, description, variance, layers
+        self.data, self.description, self.variance = data, description, variance
+        self.layers, self.velocity = layers, velocity
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scan:
@@ -50,19 +54,20 @@ class Scan:
         if "laser_points" not in description:
             raise SettingsError(f"{path} is no scan, but an image")
         data = np.load(path)
-        variance, layers = (np.load(beside) if beside else None for beside in _native.check_scan(path))
+        variance, velocity, layers = (np.load(beside) if beside else None for beside in _native.check_scan(path))
         if variance is not None and variance.shape != data.shape:
             # The file is from an older scan of the same name, by a version that recorded no check sums.
             variance = None
-        return cls(data, description, variance, layers)
+        return cls(data, description, variance, layers, velocity)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the array (.npy), its description (.json), its variances (.variance.npy) and its layers (.aov.npy): all of them or none.
-        Variances and layers of an older scan are removed if there are no new ones."""
+        """Writes the array (.npy), its description (.json), its variances (.variance.npy), its velocities (.velocity.npy) and its layers
+        (.aov.npy): all of them or none. Those of an older scan are removed if there are no new ones."""
         path = pathlib.Path(path)
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
-        arrays = [None if array is None else np.asarray(array, np.float32) for array in (self.data, self.variance)]
+        numbers = (self.data, self.variance, self.velocity)
+        arrays = [None if array is None else np.asarray(array, np.float32) for array in numbers]
         layers = None
         if self.layers is not None:
             written = io.BytesIO()
@@ -169,8 +174,8 @@ def scan(scene: AnyScene, *, progress: Optional[Watcher] = None, **settings: Any
         warnings.warn(warning, stacklevel=2)
     if arrays is None:
         raise early_end(interrupt, None)
-    data, description, variance = arrays
-    result = Scan(data, json.loads(description), variance)
+    data, description, variance, velocity = arrays
+    result = Scan(data, json.loads(description), variance, velocity=velocity)
     if interrupt is not None:
         raise early_end(interrupt, result)
     return result

@@ -70,6 +70,27 @@ def test_a_lidar_on_a_car_has_a_place_and_a_time_per_shot(tmp_path):
         taugate.scan(moved, gates="4m..144m/70", spp=4)
 
 
+def test_a_lidar_records_velocities(program, tmp_path):
+    turn = (SCENES / "street-turn.toml").read_text().replace("steps = 1800", "steps = 4").replace("street", f"{SCENES}/street")
+    turn = turn.replace("azimuth = [0, 360]", "azimuth = [-4, -2]").replace("100ms", "1ms").replace("/700", "/70")
+    (tmp_path / "turn.toml").write_text(turn)
+    code, text = program("render", tmp_path / "turn.toml", "--doppler", "30m/s", "-o", "cli.npy")
+    assert code == 0, text
+    scan = taugate.scan(tmp_path / "turn.toml", doppler="30m/s")
+    assert scan.velocity.shape == (70, 128, 2)
+    lit = scan.data > 0
+    assert np.array_equal(lit, np.isfinite(scan.velocity[..., 0]))
+    # The other car comes at 17 m/s, and this one drives at 10 m/s.
+    assert -28 < scan.velocity[lit][:, 0].min() < -26
+    loaded = taugate.Scan.load(tmp_path / "cli.npy")
+    assert np.array_equal(loaded.velocity, scan.velocity, equal_nan=True) and np.array_equal(loaded.data, scan.data)
+    scan.save(tmp_path / "again.npy")
+    assert np.array_equal(taugate.Scan.load(tmp_path / "again.npy").velocity, scan.velocity, equal_nan=True)
+    scan.velocity = None
+    scan.save(tmp_path / "again.npy")
+    assert taugate.Scan.load(tmp_path / "again.npy").velocity is None
+
+
 def test_layers_of_a_scan_stay_with_it(tmp_path):
     path = tmp_path / "scan.npy"
     description = {"laser_points": [[0, 0, 0]] * 2, "aov": ["range"], "unit": "W/(m^2 sr)", "shape": [3, 2]}

@@ -61,13 +61,13 @@ fn connected_growth(q: PathVertex, v: PathVertex, w: vec3<f32>, eta: f32) -> f32
 
 // The light of a path in the colours that record its speed, with RECORDS_DOPPLER: white if the path keeps its length, red if it gets longer, blue
 // if it gets shorter. `growth` is twice the radial velocity u of a sensor beside the lamp. The sums over many paths of the light, of the light times
-// u, and of the light times u squared are (R + 2 G + B) / 4, (R - B) / 4 and (R - 2 G + B) / 4.
+// u, and of the light times u squared are (R + 2 G + B) / 4, (R - B) / 4 and (R - 2 G + B) / 4. Light is the mean of its channels, as in a scan.
 fn recorded(light: vec3<f32>, growth: f32) -> vec3<f32> {
     if (!RECORDS_DOPPLER) {
         return light;
     }
     let u = 0.5 * growth;
-    return luminance(light) * vec3<f32>((1.0 + u) * (1.0 + u), 1.0 - u * u, (1.0 - u) * (1.0 - u));
+    return (light.x + light.y + light.z) / 3.0 * vec3<f32>((1.0 + u) * (1.0 + u), 1.0 - u * u, (1.0 - u) * (1.0 - u));
 }
 
 // The travel time of a path at rest that has the same beat frequency as a path with the travel time `tau`, which grows. The mixer of an FMCW

@@ -10,7 +10,9 @@ use taugate::Estimator;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
-pub use self::finished::{CompareArgs, DetectArgs, DevelopArgs, DevelopedFiles, HistogramArgs, LidarArgs, MergeArgs};
+pub use self::finished::{
+    CompareArgs, DetectArgs, DetectorArgs, DevelopArgs, DevelopedFiles, HistogramArgs, LidarArgs, MergeArgs,
+};
 use crate::app::flags::{Flags, Info, Render, View};
 
 /// Renders what a time-gated sensor sees: only the light whose travel time falls inside a gate.

@@ -20,14 +20,14 @@ use taugate::internals::settings::exposure::Exposure;
 use taugate::internals::settings::units::Gate;
 
 use super::rescue::Rescue;
-use crate::app::cli::DetectArgs;
+use crate::app::cli::{DetectArgs, DetectorArgs};
 use light::{Input, bytes_of};
 
 pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     if !has_extension(&args.output, "npy") {
         return Err(Error::settings(format!("the output {} must end in .npy", args.output.display())).into());
     }
-    let detector = detector(args)?;
+    let detector = detector(args.photons, &args.detector)?;
     let png = picture_path(args)?;
     let description = description_path(&args.output);
     check_writable(&args.output)?;
@@ -56,7 +56,7 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         "the light with its counts",
         light::REMEDY,
     )?;
-    let counts = counts(&detector, light, &background, args.mono, args.seed)?;
+    let counts = counts(&detector, light, &background, args.mono, args.detector.seed)?;
 
     let about = describe(args, &input, &shape);
     let write = |path: &Path| {
@@ -91,15 +91,15 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Fails if a number is out of range.
-fn detector(args: &DetectArgs) -> Result<Detector, Error> {
+/// The detector that the user describes. `photons`: see [`Detector::photons`]. Fails if a number is out of range.
+pub fn detector(photons: f64, args: &DetectorArgs) -> Result<Detector, Error> {
     let blind = match args.dead_time {
         Some(time) => Blind::For(time.0),
         None if args.first_photon => Blind::UntilNextPulse,
         None => Blind::Never,
     };
     let detector = Detector {
-        photons: args.photons,
+        photons,
         pulses: args.pulses,
         efficiency: args.efficiency,
         dark_rate: args.dark_counts,
@@ -197,15 +197,15 @@ fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
     description["detector"] = json!({
         "light": args.input.display().to_string(),
         "photons_per_pulse_and_radiance": args.photons,
-        "pulses": args.pulses,
-        "efficiency": args.efficiency,
+        "pulses": args.detector.pulses,
+        "efficiency": args.detector.efficiency,
         "background": args.background,
-        "dark_counts_per_second": args.dark_counts,
-        "jitter_m": args.jitter.map(|jitter| jitter.0),
-        "dead_time_m": args.dead_time.map(|time| time.0),
-        "first_photon": args.first_photon,
+        "dark_counts_per_second": args.detector.dark_counts,
+        "jitter_m": args.detector.jitter.map(|jitter| jitter.0),
+        "dead_time_m": args.detector.dead_time.map(|time| time.0),
+        "first_photon": args.detector.first_photon,
         "mono": args.mono,
-        "seed": args.seed,
+        "seed": args.detector.seed,
     });
     description
 }

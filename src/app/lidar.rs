@@ -1,20 +1,19 @@
 //! `taugate lidar`: a point cloud from the waveforms of a LiDAR scan.
 
+mod input;
+
 use std::path::Path;
 use std::process::ExitCode;
 
-use serde_json::Value;
 use taugate::Error;
-use taugate::internals::files::{check_writable, has_extension};
-use taugate::internals::image::array_set::{Role, beside, description, names, read_whole};
-use taugate::internals::image::npy_read::{described, is_counts, is_scan, read_scan};
-use taugate::internals::image::scan_layers::read_surfaces;
-use taugate::internals::job::memory;
-use taugate::internals::lidar::echoes::{Finder, MAX_ECHOES};
-use taugate::internals::lidar::shots::Shots;
-use taugate::internals::lidar::{Point, Waveforms, cloud_file};
+use taugate::internals::files::check_writable;
+use taugate::internals::image::array_set::{names, read_whole};
+use taugate::internals::lidar::echoes::MAX_ECHOES;
+use taugate::internals::lidar::sweeps::Sweeps;
+use taugate::internals::lidar::{Point, cloud_file};
 
 use crate::app::cli::LidarArgs;
+use input::Input;
 
 pub fn run(args: &LidarArgs) -> anyhow::Result<ExitCode> {
     cloud_file::check_extension(&args.output)?;
@@ -22,7 +21,8 @@ pub fn run(args: &LidarArgs) -> anyhow::Result<ExitCode> {
     check_writable(&args.output)?;
     let same =
         |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
-    if names(&args.input).iter().any(|file| same(file, &args.output)) {
+    let read = args.falling.iter().chain([&args.input]).flat_map(|path| names(path));
+    if read.into_iter().any(|file| same(&file, &args.output)) {
         return Err(
             Error::settings(format!("{} would replace the scan; choose another name", args.output.display())).into()
         );
@@ -52,57 +52,48 @@ fn check_numbers(args: &LidarArgs) -> Result<(), Error> {
     Ok(())
 }
 
-/// Reads the scan and finds its points.
+/// Reads the scan, or two sweeps, and finds the points.
 fn cloud(args: &LidarArgs) -> Result<Vec<Point>, Error> {
-    let path = &args.input;
-    let fail = |message: &str| Error::File { path: path.into(), message: message.into() };
-    if !has_extension(path, "npy") || !is_scan(path) {
+    let input = Input::read(args, &args.input)?;
+    let Some(path) = &args.falling else {
+        if input.chirp.is_some() {
+            super::say(
+                "warning: the ranges are those of an FMCW sensor: an object that moves seems nearer or farther; with a second sweep, such \
+                 as --falling SCAN.npy, they are right, and each echo has a velocity",
+            );
+        }
+        return Ok(input.cloud(args, input.surfaces.as_deref()));
+    };
+    let fail = |path: &Path, message: &str| Error::File { path: path.into(), message: message.into() };
+    let other = read_whole(path, || Input::read(args, path))?;
+    let [Some(coupling), Some(of_other)] = [&input, &other].map(|input| input.chirp.map(|chirp| chirp.coupling()))
+    else {
         return Err(fail(
-            "is no scan; give the array (.npy) of an experiment with [scan], and keep its JSON file beside it",
+            if input.chirp.is_some() { path } else { &args.input },
+            "is no scan of an FMCW sensor, as --falling needs; measure it with --fmcw",
+        ));
+    };
+    if coupling == of_other {
+        return Err(fail(
+            path,
+            "has the same sweep as the first scan; measure it with another, such as one that falls",
         ));
     }
-    let about = description(path);
-    let shots = Shots::of(&about).ok_or_else(|| {
-        fail("is no scan of a LiDAR whose laser lights what it sees; give its laser a divergence and directions, and measure it again")
-    })?;
-    let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    memory::check_bytes(2 * length, memory::free(), "the waveforms", "use fewer gates or points")?;
-    if about["beat_hz_per_m"].is_number() {
-        super::say(
-            "warning: the ranges are those of an FMCW sensor: an object that moves seems nearer or farther; a rising and a falling sweep \
-             together tell its range and its velocity",
-        );
+    if input.shots != other.shots {
+        return Err(fail(path, "has other shots than the first scan; measure both with the same [scan]"));
     }
-    let mut array = read_scan(path)?;
-    let gates = described(path, array.responses())
-        .ok_or_else(|| fail("comes without the JSON file that names its gates; keep that file beside the array"))?;
-    let (Some(begin), Some(width)) = (about["start_opl"].as_f64(), about["bin_width_opl"].as_f64()) else {
-        return Err(fail("has no waveforms; measure it with --gates A..B/N"));
+    let sweeps = Sweeps {
+        couplings: [coupling, of_other],
+        shots: &input.shots,
+        surfaces: input.surfaces.as_deref(),
+        reach: input.width,
     };
-    if array.pairs() != shots.count() || gates.iter().any(|gate| gate.repeat_m.is_some()) {
-        return Err(fail("has waveforms of a pulsed laser or of other points; measure it again with --gates A..B/N"));
+    let (cloud, unlike) = sweeps.pair([&input, &other].map(|input| input.cloud(args, None)));
+    if unlike > 0 {
+        super::say(&format!(
+            "warning: {unlike} of {} shots are left out, because they have unlike numbers of echoes in the two sweeps",
+            input.shots.count()
+        ));
     }
-    if is_counts(path) {
-        let factor = light_per_count(&about["detector"]).ok_or_else(|| fail("has no counts that tell the light"))?;
-        array.values.iter_mut().for_each(|count| *count = (f64::from(*count) * factor) as f32);
-    }
-    let fields: Vec<&str> = about["aov"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    let layers = beside(path, Role::Layers).filter(|_| fields.contains(&"range"));
-    let surfaces = layers.map(|layers| read_surfaces(&layers, &fields, shots.count())).transpose()?;
-    let finder = Finder {
-        detection: args.detection,
-        threshold: args.threshold,
-        floor: args.min_intensity,
-        separation: 2.0 * args.separation / width,
-        max: args.max_echoes,
-    };
-    let surfaces = surfaces.as_deref();
-    Ok(Waveforms { shots: &shots, values: &array.values, begin, width, surfaces }.cloud(&finder))
-}
-
-/// The light in W/(m^2 sr) that gives a count on average. `None` if no light is counted.
-fn light_per_count(detector: &Value) -> Option<f64> {
-    let number = |key: &str| detector[key].as_f64();
-    let counts = number("photons_per_pulse_and_radiance")? * number("pulses")? * number("efficiency")?;
-    (counts > 0.0).then_some(1.0 / counts)
+    Ok(cloud)
 }

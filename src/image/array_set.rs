@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::error::{Error, Result};
 use crate::files::{UnpublishedFile, check_readable, read_error, remove, write_unpublished};
-use crate::image::npy_file::{depth_path, description_path, header, variance_path};
+use crate::image::npy_file::{depth_path, description_path, header, variance_path, velocity_path};
 use crate::image::scan_layers::layers_path;
 
 /// The array of a set, and the arrays beside it that not every set has.
@@ -26,10 +26,12 @@ pub enum Role {
     Depth,
     /// Auxiliary layers of a scan.
     Layers,
+    /// Velocities of the light of a scan.
+    Velocity,
 }
 
 impl Role {
-    const ALL: [Role; 4] = [Role::Array, Role::Variance, Role::Depth, Role::Layers];
+    const ALL: [Role; 5] = [Role::Array, Role::Variance, Role::Depth, Role::Layers, Role::Velocity];
 
     /// The key of the array in `files` of the JSON file.
     fn key(self) -> &'static str {
@@ -38,6 +40,7 @@ impl Role {
             Role::Variance => "variance",
             Role::Depth => "depth",
             Role::Layers => "aov",
+            Role::Velocity => "velocity",
         }
     }
 
@@ -48,6 +51,7 @@ impl Role {
             Role::Variance => variance_path(path),
             Role::Depth => depth_path(path),
             Role::Layers => layers_path(path),
+            Role::Velocity => velocity_path(path),
         }
     }
 }
@@ -184,7 +188,8 @@ fn stale_arrays(path: &Path) -> Vec<PathBuf> {
     let is_ours = earlier["unit"].is_string() && earlier["shape"].is_array();
     let settings = earlier["settings"].as_str().and_then(|text| text.parse::<toml::Table>().ok());
     let is_wave = settings.is_some_and(|settings| settings.get("gate").is_some_and(|gate| gate.get("cw").is_some()));
-    let stale = [(Role::Variance, is_ours), (Role::Depth, is_ours && is_wave), (Role::Layers, false)];
+    let stale =
+        [(Role::Variance, is_ours), (Role::Depth, is_ours && is_wave), (Role::Layers, false), (Role::Velocity, false)];
     stale.into_iter().filter(|(role, is_old)| *is_old || is_recorded(*role)).map(|(role, _)| role.path(path)).collect()
 }
 
@@ -194,7 +199,7 @@ pub fn description(path: &Path) -> Value {
     serde_json::from_slice(&text).unwrap_or_default()
 }
 
-/// Removes what the JSON file of a set says about its arrays and about the layers of a scan.
+/// Removes what the JSON file of a set says about its arrays, and about the layers of a scan.
 pub fn forget_arrays(description: &mut serde_json::Map<String, Value>) {
     ["files", "aov", "objects"].into_iter().for_each(|key| drop(description.remove(key)));
 }
@@ -258,7 +263,7 @@ fn set_of(path: &Path) -> Option<(PathBuf, Role)> {
     let beside_another = || {
         let stem = Path::new(path.file_stem()?);
         let is_of = |role: &Role| stem.extension().is_some_and(|extension| extension == role.key());
-        let role = [Role::Variance, Role::Depth, Role::Layers].into_iter().find(is_of)?;
+        let role = Role::ALL.into_iter().filter(|role| *role != Role::Array).find(is_of)?;
         let array = path.with_file_name(stem).with_extension("npy");
         let is_recorded = description(&array)["files"].get(role.key()).is_some();
         is_recorded.then(|| (description_path(&array), role))

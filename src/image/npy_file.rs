@@ -106,6 +106,11 @@ pub fn depth_path(path: &Path) -> PathBuf {
     path.with_extension("depth.npy")
 }
 
+/// The array of velocities beside the array `path` of a scan.
+pub fn velocity_path(path: &Path) -> PathBuf {
+    path.with_extension("velocity.npy")
+}
+
 /// Writes the array of a render and the files beside it, as one [`ArraySet`]. `has_variance`: whether the variances are written too. The
 /// arrays have 32-bit floats; row 0 is at the top.
 ///

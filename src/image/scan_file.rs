@@ -13,6 +13,8 @@ use crate::image::npy_file::{Bins, Entry};
 use crate::image::response_film::ResponseFilm;
 use crate::image::scan_layers::ScanLayers;
 use crate::input::scan_table::{Points, Scan, ScanTable};
+use crate::settings::Settings;
+use crate::settings::doppler::Doppler;
 
 /// Mean radiance in W / (m^2 sr) per response, point of the laser and point of the sensor: the mean of red, green and blue. Pairs that
 /// were not measured are NaN.
@@ -23,6 +25,9 @@ pub struct ScanFilm {
     means: Vec<f32>,
     /// Variances of the means, in the same order; empty if they are not wanted.
     variances: Vec<f32>,
+    /// See [`ScanArrays::velocities`]; empty if the colours are those of light.
+    velocities: Vec<f32>,
+    doppler: Doppler,
 }
 
 /// The arrays of a [`ScanFilm`].
@@ -31,44 +36,58 @@ pub struct ScanArrays {
     pub means: Vec<f32>,
     /// `None` if they are not wanted.
     pub variances: Option<Vec<f32>>,
+    /// The mean radial velocity of the light and its standard deviation in m/s, with an axis for the two behind those of `shape`. NaN
+    /// without light. `None` if the scan records no velocities.
+    pub velocities: Option<Vec<f32>>,
 }
 
 impl ScanFilm {
     /// A film without measurements.
-    pub fn new(scan: &Scan, responses: usize, has_variance: bool) -> ScanFilm {
+    pub fn new(scan: &Scan, settings: &Settings, has_variance: bool) -> ScanFilm {
+        let (responses, doppler) = (settings.responses().len(), settings.doppler());
         let pairs = scan.laser_points.len() * scan.sensor_count();
-        let values = vec![f32::NAN; pairs * responses];
-        let variances = if has_variance { values.clone() } else { vec![] };
-        ScanFilm { responses, pairs, means: values, variances }
+        let values =
+            |each: usize, is_wanted: bool| if is_wanted { vec![f32::NAN; each * pairs * responses] } else { vec![] };
+        let [means, variances, velocities] =
+            [values(1, true), values(1, has_variance), values(2, doppler != Doppler::OFF)];
+        ScanFilm { responses, pairs, means, variances, velocities, doppler }
     }
 
     /// Bytes of host memory that a film takes.
-    pub fn bytes(scan: &Scan, responses: usize, has_variance: bool) -> u64 {
-        let values = scan.laser_points.len() as u64 * scan.sensor_count() as u64 * responses as u64;
-        values * size_of::<f32>() as u64 * if has_variance { 2 } else { 1 }
+    pub fn bytes(scan: &Scan, settings: &Settings, has_variance: bool) -> u64 {
+        let pairs = scan.laser_points.len() as u64 * scan.sensor_count() as u64;
+        let numbers = 1 + u64::from(has_variance) + if settings.doppler() == Doppler::OFF { 0 } else { 2 };
+        pairs * settings.responses().len() as u64 * numbers * size_of::<f32>() as u64
     }
 
     /// Stores the first `points` pixels of the image of one response, or of the images of several. They are the measurements of the pairs
     /// of points from number `first` on, counted by point of the laser, then by point of the sensor.
     pub fn set(&mut self, first: usize, points: usize, film: &Film, responses: Option<&ResponseFilm>) {
-        let store = |to: &mut [f32], rgb: &[f32], factor: f32| {
-            for (k, rgb) in rgb.chunks_exact(3).enumerate() {
-                to[k * self.pairs] = rgb.iter().sum::<f32>() * factor;
-            }
+        // How much each channel counts in the light, and the sum of these weights.
+        let (weights, whole) = match self.doppler {
+            Doppler::OFF => ([1.0f32; 3], 3.0f32),
+            _ => ([1.0, 2.0, 1.0], 4.0),
         };
+        let weighted = |rgb: [f32; 3]| rgb.iter().zip(weights).map(|(x, weight)| x * weight).sum::<f32>();
         let (means, variances) = (film.mean(), film.variance_of_mean());
         for point in 0..points {
             let of_film = |values: &[f32]| values[3 * point..3 * point + 3].to_vec();
             let mean = responses.map_or_else(|| of_film(&means), |all| all.means_of(point).collect());
-            store(&mut self.means[first + point..], &mean, 1.0 / 3.0);
+            for (k, rgb) in mean.as_chunks().0.iter().enumerate() {
+                let at = first + point + k * self.pairs;
+                self.means[at] = weighted(*rgb) * (1.0 / whole);
+                if let Some(speed) = self.doppler.speed() {
+                    let velocity = Doppler::decode(speed, rgb.map(f64::from));
+                    self.velocities[2 * at..2 * at + 2].copy_from_slice(&velocity.map(|x| x as f32));
+                }
+            }
             if !self.variances.is_empty() {
                 let variance = responses.map_or_else(|| of_film(&variances), |all| all.variances_of(point).collect());
                 // The channels share their paths, so the standard errors add up.
-                let of_sum: Vec<f32> = variance
-                    .chunks_exact(3)
-                    .flat_map(|rgb| [rgb.iter().map(|x| x.sqrt()).sum::<f32>().powi(2), 0.0, 0.0])
-                    .collect();
-                store(&mut self.variances[first + point..], &of_sum, 1.0 / 9.0);
+                for (k, rgb) in variance.as_chunks().0.iter().enumerate() {
+                    self.variances[first + point + k * self.pairs] =
+                        weighted(rgb.map(f32::sqrt)).powi(2) * (1.0 / (whole * whole));
+                }
             }
         }
     }
@@ -78,7 +97,7 @@ impl ScanFilm {
         self.means.iter().all(|&mean| mean == 0.0)
     }
 
-    /// Writes the means, their variances and layers if there are any, and the JSON file that describes them, as one [`ArraySet`]. The arrays have
+    /// Writes the means, their variances, velocities and layers if there are any, and the JSON file that describes them, as one [`ArraySet`]. The arrays have
     /// 32-bit floats of shape (response, point) for a confocal scan, and (response, point of the laser, point of the sensor) for an
     /// exhaustive one. `description`: see [`ScanFilm::description`].
     pub fn write(
@@ -93,6 +112,9 @@ impl ScanFilm {
         set.add(Role::Array, &shape, self.means.iter().copied())?;
         if !self.variances.is_empty() {
             set.add(Role::Variance, &shape, self.variances.iter().copied())?;
+        }
+        if !self.velocities.is_empty() {
+            set.add(Role::Velocity, &[&shape[..], &[2]].concat(), self.velocities.iter().copied())?;
         }
         if let Some(layers) = layers {
             set.add_with(Role::Layers, |writer| layers.write(writer))?;
@@ -109,8 +131,8 @@ impl ScanFilm {
     /// The arrays, as [`ScanFilm::write`] writes them.
     pub fn into_arrays(self, scan: &Scan) -> ScanArrays {
         let shape = self.shape(scan);
-        let variances = Some(self.variances).filter(|variances| !variances.is_empty());
-        ScanArrays { shape, means: self.means, variances }
+        let wanted = |values: Vec<f32>| Some(values).filter(|values| !values.is_empty());
+        ScanArrays { shape, means: self.means, variances: wanted(self.variances), velocities: wanted(self.velocities) }
     }
 
     /// JSON that describes the arrays. `measured`: number of points of the laser that were measured. `layers`: what lies beside them.
@@ -216,12 +238,14 @@ pub struct Description<'a> {
 mod tests {
     use super::*;
     use crate::input::experiment::Experiment;
+    use crate::settings::gates::Gates;
 
     #[test]
     fn measurements_are_stored_by_response_laser_and_sensor() {
         let keys = "[scan]\nlaser = [0, 0, 5]\nlaser-points = [[0, 0, 0], [1, 0, 0]]\nsensor-points = [[2, 0, 0], [3, 0, 0], [4, 0, 0]]";
         let scan = Experiment::parse(keys).unwrap().scan.unwrap().scan().unwrap();
-        let mut film = ScanFilm::new(&scan, 2, true);
+        let settings = Settings::builder().responses("0..2m/2".parse::<Gates>().unwrap()).build().unwrap();
+        let mut film = ScanFilm::new(&scan, &settings, true);
         let mut seen = ResponseFilm::new(3, 2, true);
         for x in [1.0, 3.0] {
             seen.row_mut(2).add(1, [x, x, 4.0 * x], 1);
@@ -235,5 +259,24 @@ mod tests {
         assert_eq!((&film.means[3..6], &film.means[9..]), (&[0.0; 3][..], &[0.0, 0.0, 4.0][..]));
         // The variances of the channels are 1, 1 and 16: the mean of three dependent channels has (1 + 1 + 4)^2 / 9.
         assert!((film.variances[11] - 4.0).abs() < 1e-6 && film.variances[9] == 0.0, "{:?}", film.variances);
+    }
+
+    /// The colours of light 3 at the velocity 0.4, in units of the speed.
+    #[test]
+    fn colours_of_velocities_become_light_and_velocities() {
+        let keys = "[scan]\nlaser = [0, 0, 5]\npoints = [[0, 0, 0], [1, 0, 0]]";
+        let scan = Experiment::parse(keys).unwrap().scan.unwrap().scan().unwrap();
+        let settings = Settings::builder().doppler("20".parse::<Doppler>().unwrap()).build().unwrap();
+        let mut film = ScanFilm::new(&scan, &settings, true);
+        let mut seen = Film::new(1, 1);
+        let [u, light] = [0.4f32, 3.0];
+        let colours = [(1.0 + u) * (1.0 + u), 1.0 - u * u, (1.0 - u) * (1.0 - u)].map(|x| x * light);
+        seen.add(&colours, 2);
+        seen.add(&colours, 2);
+        film.set(1, 1, &seen, None);
+        assert!((film.means[1] - light).abs() < 1e-5 && film.means[0].is_nan());
+        let [mean, deviation] = [film.velocities[2], film.velocities[3]];
+        assert!((mean - 8.0).abs() < 1e-4 && deviation < 0.01 && film.velocities[0].is_nan(), "{mean} {deviation}");
+        assert!(film.variances[1] < 1e-9);
     }
 }

@@ -89,16 +89,9 @@ pub fn resolve_with(experiment: &Experiment, scene: &Scene, responses: Responses
         )
         .about("fireflies"));
     }
-    if settings.doppler() != Doppler::OFF {
-        if experiment.scan.is_some() {
-            return Err(
-                Error::advice("--doppler is for images: ", "for a scan, use --aov velocity or --fmcw").about("doppler")
-            );
-        }
-        if experiment.output.strategy_images.is_some() {
-            let message = "--strategy-images shows the colours of light, and --doppler velocities: ";
-            return Err(Error::advice(message, "leave out one of them").about("doppler"));
-        }
+    if settings.doppler() != Doppler::OFF && experiment.output.strategy_images.is_some() {
+        let message = "--strategy-images shows the colours of light, and --doppler velocities: ";
+        return Err(Error::advice(message, "leave out one of them").about("doppler"));
     }
     warnings.extend(render.without_effect(estimator));
     if settings.splat_paths() > 0 && settings.strategies() == Strategies::Paper {

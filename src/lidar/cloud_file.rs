@@ -10,7 +10,7 @@ use crate::files::{has_extension, write_atomically};
 use crate::image::npy_file::header_of;
 
 /// Names of the fields, their types in NumPy, and their types in PLY.
-const FIELDS: [(&str, &str, &str); 10] = [
+const FIELDS: [(&str, &str, &str); 11] = [
     ("x", "<f8", "double"),
     ("y", "<f8", "double"),
     ("z", "<f8", "double"),
@@ -21,6 +21,7 @@ const FIELDS: [(&str, &str, &str); 10] = [
     ("channel", "<u2", "ushort"),
     ("object_id", "<u4", "uint"),
     ("velocity", "<f4", "float"),
+    ("velocity_deviation", "<f4", "float"),
 ];
 
 /// Fails if the extension of `path` is that of no point cloud.
@@ -66,7 +67,8 @@ fn write_record(writer: &mut impl Write, point: &Point) -> io::Result<()> {
     writer.write_all(&point.time.to_le_bytes())?;
     writer.write_all(&point.channel.to_le_bytes())?;
     writer.write_all(&point.object.to_le_bytes())?;
-    writer.write_all(&point.velocity.to_le_bytes())
+    writer.write_all(&point.velocity.to_le_bytes())?;
+    writer.write_all(&point.deviation.to_le_bytes())
 }
 
 #[cfg(test)]
@@ -77,6 +79,7 @@ mod tests {
 
     fn points() -> Vec<Point> {
         let first = Point {
+            shot: 0,
             position: dvec3(1.5, -2.25, 3.0),
             range: 4.0,
             intensity: 0.03,
@@ -86,6 +89,7 @@ mod tests {
             channel: 300,
             object: 70_000,
             velocity: -7.5,
+            deviation: 0.75,
         };
         vec![first, Point { position: dvec3(-1.0, 0.0, 1e3), intensity: 1e-3, echo: 2, range: 1e3, ..first }]
     }
@@ -110,16 +114,16 @@ mod tests {
         let npy = written("a.npy");
         let begin = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
         let header = std::str::from_utf8(&npy[10..begin]).unwrap();
-        assert!(header.contains("('velocity', '<f4')]") && header.contains("(2,)"), "{header}");
+        assert!(header.contains("('velocity_deviation', '<f4')]") && header.contains("(2,)"), "{header}");
         assert_eq!(ply[end..], npy[begin..]);
         let record = &ply[end..];
-        assert_eq!(record.len(), 2 * 48);
+        assert_eq!(record.len(), 2 * 52);
         assert_eq!([0, 8, 16, 30].map(|at| f64_at(record, at)), [1.5, -2.25, 3.0, 0.125]);
         assert_eq!(f32::from_le_bytes(record[24..28].try_into().unwrap()), 0.03);
         assert_eq!(record[28..30], [1, 2]);
         assert_eq!(u16::from_le_bytes([record[38], record[39]]), 300);
         assert_eq!(u32::from_le_bytes(record[40..44].try_into().unwrap()), 70_000);
-        assert_eq!(f32::from_le_bytes(record[44..48].try_into().unwrap()), -7.5);
+        assert_eq!([44, 48].map(|at| f32::from_le_bytes(record[at..at + 4].try_into().unwrap())), [-7.5, 0.75]);
     }
 
     #[test]

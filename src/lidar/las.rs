@@ -1,4 +1,4 @@
-//! LAS 1.4, point format 6, with the extra bytes `channel`, `object_id` and `velocity`, and the same compressed (LAZ). Sources: ASPRS, LAS
+//! LAS 1.4, point format 6, with the extra bytes `channel`, `object_id`, `velocity` and `velocity_deviation`, and the same compressed (LAZ). Sources: ASPRS, LAS
 //! Specification 1.4 R15; Isenburg, "LASzip: lossless compression of LiDAR data", 2013.
 
 use std::io::{self, Cursor, Write};
@@ -11,14 +11,14 @@ use super::Point;
 const HEADER_BYTES: u16 = 375;
 /// Point format 6, and the extra bytes.
 const POINT_BYTES: u16 = 30 + EXTRA_BYTES;
-const EXTRA_BYTES: u16 = 2 + 4 + 4;
+const EXTRA_BYTES: u16 = 2 + 4 + 4 + 4;
 /// Number of returns that the header counts.
 const RETURNS: usize = 15;
 /// The header of a variable length record.
 const RECORD_HEADER_BYTES: u16 = 54;
 const DESCRIPTOR_BYTES: u16 = 192;
 /// Names and types of the extra bytes: 3 is a 16-bit, 5 a 32-bit unsigned integer, 9 a 32-bit float.
-const EXTRA: [(&str, u8); 3] = [("channel", 3), ("object_id", 5), ("velocity", 9)];
+const EXTRA: [(&str, u8); 4] = [("channel", 3), ("object_id", 5), ("velocity", 9), ("velocity_deviation", 9)];
 /// Set in the point format of compressed files.
 const COMPRESSED: u8 = 0x80;
 /// Coordinates are multiples of this length in metres, unless the cloud is too large for 32 bits.
@@ -144,7 +144,8 @@ fn write_point(writer: &mut impl Write, point: &Point, grid: &Grid) -> io::Resul
     writer.write_all(&point.time.to_le_bytes())?;
     writer.write_all(&point.channel.to_le_bytes())?;
     writer.write_all(&point.object.to_le_bytes())?;
-    writer.write_all(&point.velocity.to_le_bytes())
+    writer.write_all(&point.velocity.to_le_bytes())?;
+    writer.write_all(&point.deviation.to_le_bytes())
 }
 
 /// `text`, filled up with zeros.
@@ -164,6 +165,7 @@ mod tests {
     #[test]
     fn compression_loses_nothing() {
         let point = |k: u32| Point {
+            shot: 0,
             position: DVec3::new(f64::from(k) * 0.37, -1.5, f64::from(k % 7)),
             range: 1.0 + f64::from(k),
             intensity: 0.5 / (1.0 + f64::from(k)).powi(2),
@@ -173,6 +175,7 @@ mod tests {
             channel: (k % 3) as u16,
             object: k % 5,
             velocity: -3.25,
+            deviation: 0.5,
         };
         let points: Vec<Point> = (0..1000).map(point).collect();
         let [mut plain, mut compressed] = [vec![], vec![]];

@@ -6,6 +6,7 @@ pub mod cloud_file;
 pub mod echoes;
 mod las;
 pub mod shots;
+pub mod sweeps;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -18,6 +19,8 @@ use crate::image::scan_layers::Surface;
 /// An echo as a point of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
+    /// Number of the shot, from 0.
+    pub shot: usize,
     /// Position in world space, in metres.
     pub position: DVec3,
     /// Distance from the sensor in metres.
@@ -34,8 +37,11 @@ pub struct Point {
     pub channel: u16,
     /// Number of the object on the axis of the shot, if the echo comes from there; else 0.
     pub object: u32,
-    /// Radial velocity of that object in m/s, receding positive; NaN if it is not known, and for other echoes.
+    /// Radial velocity in m/s, receding positive: the mean of the light of the echo if the scan recorded it, otherwise that of the object. NaN if it
+    /// is not known.
     pub velocity: f32,
+    /// Standard deviation of the radial velocity in m/s, weighted by light; NaN if the scan did not record it.
+    pub deviation: f32,
 }
 
 /// The waveforms of the shots of a LiDAR.
@@ -50,6 +56,8 @@ pub struct Waveforms<'a> {
     pub width: f64,
     /// The first surface on the axis of each shot (range 0: none); `None` if they are not known.
     pub surfaces: Option<&'a [Surface]>,
+    /// Mean radial velocity of the light of each value and its standard deviation in m/s; NaN without light. `None` if they are not known.
+    pub velocities: Option<&'a [f32]>,
 }
 
 impl Waveforms<'_> {
@@ -75,7 +83,10 @@ impl Waveforms<'_> {
             let bins = range_at(echo.begin as f64 - 1.0)..=range_at(echo.end as f64 + 1.0);
             let hit = surface.filter(|surface| bins.contains(&f64::from(surface.range)));
             let range = hit.map_or(range_at(echo.position), |surface| surface.range.into());
+            let of_surface = || [hit.map_or(f32::NAN, |surface| surface.velocity), f32::NAN];
+            let [velocity, deviation] = self.velocity_of(number, waveform, echo).unwrap_or_else(of_surface);
             Point {
+                shot: number,
                 position: place + range * direction,
                 range,
                 intensity: echo.light,
@@ -84,10 +95,30 @@ impl Waveforms<'_> {
                 time: self.shots.times[number],
                 channel: self.shots.channels[number],
                 object: hit.map_or(0, |surface| surface.object),
-                velocity: hit.map_or(f32::NAN, |surface| surface.velocity),
+                velocity,
+                deviation,
             }
         };
         found.iter().enumerate().map(point).collect()
+    }
+
+    /// Mean and standard deviation of the radial velocity of the light of an echo. `None` if the scan did not record them.
+    fn velocity_of(&self, number: usize, waveform: &[f64], echo: &echoes::Echo) -> Option<[f32; 2]> {
+        let velocities = self.velocities?;
+        let [mut light, mut sum, mut squares] = [0.0; 3];
+        for (bin, &weight) in waveform.iter().enumerate().take(echo.end).skip(echo.begin) {
+            let at = 2 * (bin * self.shots.count() + number);
+            let [mean, deviation] = [velocities[at], velocities[at + 1]].map(f64::from);
+            // Bins with counts of noise alone have no velocity.
+            if mean.is_finite() {
+                light += weight;
+                sum += weight * mean;
+                squares += weight * (mean * mean + deviation * deviation);
+            }
+        }
+        let mean = sum / light;
+        let deviation = (squares / light - mean * mean).max(0.0).sqrt();
+        Some([mean as f32, deviation as f32])
     }
 }
 
@@ -117,7 +148,8 @@ mod tests {
         (values[2 * 4], values[2 * 12]) = (0.5 * white, 0.25 * white);
         let surface = |range, object| Surface { range, object, velocity: 2.5 };
         let surfaces = [surface(5.4567, 9), surface(0.0, 0)];
-        let waveforms = Waveforms { shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces: Some(&surfaces) };
+        let (surfaces, velocities) = (Some(&surfaces[..]), None);
+        let waveforms = Waveforms { shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces, velocities };
         let cloud = waveforms.cloud(&FINDER);
         assert_eq!(cloud.len(), 2);
         assert!((cloud[0].range - 5.4567).abs() < 1e-6 && cloud[0].object == 9);
@@ -130,5 +162,28 @@ mod tests {
 
         let without = Waveforms { surfaces: None, ..waveforms }.cloud(&FINDER);
         assert!((without[0].range - 5.5).abs() < 1e-9 && without[0].object == 0);
+    }
+
+    /// Two bins of one echo with the light 3 and 1, which moves at 4 and at -2 m/s.
+    #[test]
+    fn an_echo_has_the_velocity_of_its_light() {
+        let shots = Shots {
+            places: vec![DVec3::ZERO],
+            directions: vec![DVec3::X],
+            times: vec![0.0],
+            channels: vec![0],
+            white: 1.0,
+        };
+        let values = [0.0, 3.0, 1.0, 0.0];
+        let velocities = [f32::NAN, f32::NAN, 4.0, 1.0, -2.0, 0.0, f32::NAN, f32::NAN];
+        let (surfaces, velocities) = (None, Some(&velocities[..]));
+        let cloud =
+            Waveforms { shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces, velocities }.cloud(&FINDER);
+        let [point] = cloud[..] else { panic!("{cloud:?}") };
+        // The mean square is (3 (16 + 1) + 4) / 4.
+        assert!(
+            (point.velocity - 2.5).abs() < 1e-6 && (point.deviation - (13.75f32 - 6.25).sqrt()).abs() < 1e-6,
+            "{point:?}"
+        );
     }
 }

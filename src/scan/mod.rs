@@ -105,7 +105,7 @@ pub fn scene_at(mut scene: Scene, scan: &Scan, settings: &Settings, number: usiz
 /// Fails if the images or the array of a scan need more memory than is free. `settings`: those of one render per point of the laser.
 pub fn check_memory(scan: &Scan, settings: &Settings, has_variance: bool) -> Result<()> {
     memory::check(settings, ImageParts { variance: has_variance, exr: false }, memory::free())?;
-    let bytes = ScanFilm::bytes(scan, settings.responses().len(), has_variance);
+    let bytes = ScanFilm::bytes(scan, settings, has_variance);
     memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")
 }
 
@@ -137,7 +137,7 @@ impl Measurement {
         if has_variance {
             renderer.estimate_response_variance();
         }
-        let film = ScanFilm::new(&scan, of.settings.responses().len(), has_variance);
+        let film = ScanFilm::new(&scan, &of.settings, has_variance);
         let posed = scan.times.as_ref().map(|times| times[0]);
         Ok(Measurement { scan, of, renderer, film, measured: 0, samples: 0, dropped_before: 0, posed, seen: None })
     }

@@ -86,7 +86,8 @@ impl Measurement {
 
 /// Gives laser and sensor the velocity of the LiDAR at shot `number`, if the render depends on it.
 pub(super) fn set_own_velocity(scan: &Scan, settings: &Settings, number: usize, scene: &mut Scene) {
-    if !velocities::are_needed(settings) {
+    let is_at_rest = scan.places.is_none() && scene.velocities.is_none();
+    if !velocities::are_needed(settings) || is_at_rest {
         return;
     }
     let instances = vec![Some(DAffine3::ZERO); scene.instances.len()];

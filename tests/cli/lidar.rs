@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::DVec3;
 use taugate::internals::generate::glb;
 use taugate::internals::generate::parts::{add, diffuse, glass, material};
-use taugate::internals::generate::shapes::quad;
-use taugate::internals::scene::Scene;
+use taugate::internals::generate::shapes::{cuboid, quad};
+use taugate::internals::scene::{Material, Scene};
 
 use crate::{fails, folder, names, taugate};
 
@@ -54,6 +54,7 @@ struct Point {
     channel: u16,
     object: u32,
     velocity: f32,
+    deviation: f32,
 }
 
 fn read(path: &Path) -> Vec<Point> {
@@ -69,9 +70,10 @@ fn read(path: &Path) -> Vec<Point> {
             channel: u16::from_le_bytes([record[38], record[39]]),
             object: u32::from_le_bytes(record[40..44].try_into().unwrap()),
             velocity: f32::from_le_bytes(record[44..48].try_into().unwrap()),
+            deviation: f32::from_le_bytes(record[48..52].try_into().unwrap()),
         }
     };
-    bytes[begin..].chunks_exact(48).map(point).collect()
+    bytes[begin..].chunks_exact(52).map(point).collect()
 }
 
 /// Where the shots that meet the wall meet it, with their channels and times, in order.
@@ -154,6 +156,59 @@ fn fog_returns_before_the_wall_and_a_detector_adds_noise() {
     let sum = |name: &str| read(&here.join(name)).iter().map(|point| point.intensity).sum::<f64>();
     let ratio = sum("counts-cloud.npy") / sum("clear-cloud.npy");
     assert!((ratio - 1.0).abs() < 0.05 && ratio != 1.0, "{ratio}");
+    // In one step, the points are the same.
+    run(here, &["lidar", "clear.npy", "-o", "one-step.npy", "--photons", "1e4", "--pulses", "100"]);
+    assert!(std::fs::read(here.join("one-step.npy")).unwrap() == std::fs::read(here.join("counts-cloud.npy")).unwrap());
+    // Daylight is light too: it makes echoes where there is nothing, unless they must be bright.
+    let noisy = ["lidar", "clear.npy", "-o", "noisy.npy", "--photons", "1e3", "--background", "1e8"];
+    run(here, &noisy);
+    let all = read(&here.join("noisy.npy")).len();
+    run(here, &[&noisy[..], &["--min-intensity", "1e-3"]].concat());
+    let bright = read(&here.join("noisy.npy")).len();
+    assert!(all > 3 * bright && bright > 4, "{all} and {bright} points");
+}
+
+/// A LiDAR looks down at rough water: its surface returns light, and then the bed does, delayed by the group index of water.
+#[test]
+fn water_returns_two_echoes() {
+    const HEIGHT: f64 = 6.0;
+    const DEPTH: f64 = 3.0;
+    const IOR: f64 = 1.33;
+    const GROUP_IOR: f64 = 1.36;
+    // From the vertical, in degrees.
+    let tilts = [8.0f64, 12.0, 16.0];
+    let here = folder();
+    let here = here.path();
+    let mut scene = Scene::default();
+    let bed = material(&mut scene, diffuse("bed", [0.5; 3]));
+    let look = Material { roughness: 0.3, ior: IOR as f32, group_ior: Some(GROUP_IOR as f32), ..glass("water") };
+    let water = material(&mut scene, look);
+    add(&mut scene, "water", water, cuboid(DVec3::new(-9.0, -DEPTH - 0.2, -9.0), DVec3::new(9.0, 0.0, 9.0)));
+    let corner = DVec3::new(-9.1, -DEPTH, -9.1);
+    add(&mut scene, "bed", bed, quad(corner, DVec3::Z * 18.2, DVec3::X * 18.2, [1.0; 2]));
+    std::fs::write(here.join("scene.glb"), glb::write(&scene)).unwrap();
+    let text = format!(
+        "scene = 'scene.glb'\n[scan]\nlaser = [0, {HEIGHT}, 0]\ndivergence = 0.2\npixel-fov = 0.2\nends = 'included'\n\
+         points = {{forward = [1, 0, 0], azimuth = [0, 0], elevation = [{}, {}], count = [1, 3]}}\n\
+         [gate]\ngates = '4m..26m/440'\n[render]\nmax-depth = 4\nspp = 256\nestimator = 'bdpt'\n",
+        tilts[0] - 90.0,
+        tilts[2] - 90.0
+    );
+    std::fs::write(here.join("lidar.toml"), text).unwrap();
+    run(here, &["render", "lidar.toml", "--aov", "depth,object", "-o", "scan.npy", "-q"]);
+    run(here, &["lidar", "scan.npy", "-o", "cloud.npy", "--threshold", "0.003"]);
+    let cloud = read(&here.join("cloud.npy"));
+    assert_eq!(cloud.iter().map(|point| point.echoes).collect::<Vec<_>>(), [[1, 2], [2, 2]].repeat(3));
+    let laser = DVec3::new(0.0, HEIGHT, 0.0);
+    // The first row is the highest.
+    for (echoes, tilt) in cloud.chunks_exact(2).zip(tilts.map(f64::to_radians).into_iter().rev()) {
+        let ranges = [0, 1].map(|k: usize| echoes[k].position.distance(laser));
+        let of_surface = HEIGHT / tilt.cos();
+        let of_bed = |index: f64| of_surface + index * DEPTH / (1.0 - (tilt.sin() / IOR).powi(2)).sqrt();
+        assert!((ranges[0] - of_surface).abs() < 1e-3 && echoes[0].object > 0, "{echoes:?}");
+        assert!((ranges[1] - of_bed(GROUP_IOR)).abs() < 0.03, "{ranges:?}, not {}", of_bed(GROUP_IOR));
+        assert!((ranges[1] - of_bed(IOR)).abs() > 0.05);
+    }
 }
 
 #[test]
@@ -165,7 +220,17 @@ fn mistakes_are_named_and_leave_no_file() {
     let text = std::fs::read_to_string(here.join("lidar.toml")).unwrap();
     std::fs::write(here.join("thin.toml"), text.replace("divergence = 0.1\npixel-fov = 0.1\n", "")).unwrap();
     run(here, &["render", "thin.toml", "--max-depth", "4", "--spp", "1", "--force", "-o", "thin.npy", "-q"]);
-    let table: [(&[&str], &str); 9] = [
+    fails(here, &["render", "lidar.toml", "--doppler", "9m/s", "-o", "x.npy"], 2, "choose the moment with --at");
+    run(here, &["detect", "scan.npy", "-o", "counts.npy", "--photons", "1e4"]);
+    run(here, &["render", "lidar.toml", "--fmcw", "1550nm,1GHz,10us", "-o", "beats.npy", "-q"]);
+    let table: [(&[&str], &str); 16] = [
+        (&["counts.npy", "-o", "x.ply", "--photons", "1e4"], "holds the counts of a detector already"),
+        (&["beats.npy", "-o", "x.ply", "--photons", "1e4"], "leave out --photons"),
+        (&["beats.npy", "-o", "x.ply", "--falling", "scan.npy"], "measure it with --fmcw"),
+        (&["scan.npy", "-o", "x.ply", "--pulses", "5"], "--photons"),
+        (&["scan.npy", "-o", "x.ply", "--photons", "0"], "raise --photons or --efficiency"),
+        (&["scan.npy", "-o", "x.ply", "--photons", "1", "--efficiency", "2"], "--efficiency is 2"),
+        (&["scan.npy", "-o", "x.ply", "--photons", "1", "--background", "-1"], "--background is -1"),
         (&["scan.npy", "-o", "x.xyz"], "must end in .ply, .las, .laz or .npy"),
         (&["scan.npy", "-o", "scan.npy"], "would replace the scan"),
         (&["scan.npy", "-o", "x.ply", "--max-echoes", "9"], "from 1 to 8"),
@@ -224,6 +289,42 @@ fn objects_move_inside_the_animations_and_have_velocities() {
     let velocities: Vec<f32> = cloud.iter().map(|point| point.velocity).filter(|v| !v.is_nan()).collect();
     let close = |wanted: f32| velocities.iter().filter(|v| (**v - wanted).abs() < 0.3).count();
     assert!(close(-27.0) > 0 && close(-10.0) > 0, "{velocities:?}");
+
+    // The light has the velocities of its surfaces, also without the layer. An echo of a car and of the street behind it has both.
+    run(here, &["render", "ahead.toml", "--doppler", "30m/s", "-o", "light.npy", "-q"]);
+    run(here, &["lidar", "light.npy", "-o", "light-cloud.npy"]);
+    let of_light = read(&here.join("light-cloud.npy"));
+    assert_eq!(of_light.len(), cloud.len());
+    let sharp = || of_light.iter().zip(&cloud).filter(|(light, _)| light.deviation < 0.3);
+    let differ = sharp().filter(|(light, surface)| (light.velocity - surface.velocity).abs() > 0.3).count();
+    assert!(
+        sharp().count() > cloud.len() / 2 && differ <= 2,
+        "{} of {} points, {differ} differ",
+        sharp().count(),
+        cloud.len()
+    );
+    // Two sweeps of an FMCW sensor tell ranges and velocities.
+    for (name, sweep) in [("rising", "10us"), ("falling", "-10us")] {
+        let chirp = format!("905nm,50GHz,{sweep}");
+        let array = format!("{name}.npy");
+        run(here, &["render", "ahead.toml", "--fmcw", &chirp, "--aov", "depth,object", "-o", &array, "-q"]);
+    }
+    run(here, &["lidar", "rising.npy", "--falling", "falling.npy", "-o", "fmcw.npy"]);
+    let fmcw = read(&here.join("fmcw.npy"));
+    let near =
+        |wanted: f32| fmcw.iter().filter(|point| (point.velocity - wanted).abs() < 0.5 && point.object > 0).count();
+    assert!(near(-27.0) > 0 && near(-10.0) > cloud.len() / 2, "{} and {} of {}", near(-27.0), near(-10.0), fmcw.len());
+    for (arguments, part) in [
+        (&["rising.npy", "--falling", "rising.npy"][..], "has the same sweep"),
+        (&["rising.npy", "--falling", "light.npy"], "light.npy: is no scan of an FMCW sensor"),
+        (&["light.npy", "--falling", "rising.npy"], "light.npy: is no scan of an FMCW sensor"),
+    ] {
+        fails(here, &[&["lidar"], arguments, &["-o", "x.las"]].concat(), 2, part);
+    }
+    // The light of the scan is still light: a detector counts it.
+    run(here, &["lidar", "light.npy", "-o", "noisy.npy", "--photons", "1e6"]);
+    assert!(read(&here.join("noisy.npy")).iter().any(|point| (point.velocity + 27.0).abs() < 0.3));
+    run(here, &["detect", "light.npy", "-o", "counts.npy", "--photons", "1e6"]);
 }
 
 /// A car that drives towards the wall, and turns: each shot has its own place, and the time in the trajectory.

@@ -119,6 +119,38 @@ fn each_shot_sees_the_wall_where_it_is() {
     assert!(found.iter().enumerate().all(is_right), "{found:?}");
 }
 
+/// Each bin of the waveforms has the radial velocity of its light.
+#[test]
+fn waveforms_have_velocities() {
+    let folder = tempfile::tempdir().unwrap();
+    for (drives, estimator) in [(false, "bdpt"), (true, "bdpt"), (true, "lcs")] {
+        let path = write(folder.path(), drives, "duration = '120ms'");
+        let at = AT.to_string();
+        let flags = [("at", &*at), ("max-depth", "2"), ("spp", "16"), ("estimator", estimator), ("doppler", "30")];
+        let job = Job::open_with(&path, flags).unwrap();
+        let mut scan = job.prepare_scan(&device()).unwrap_or_else(|e| panic!("{e}"));
+        scan.run(&Arc::default(), |_| {}).unwrap();
+        let arrays = scan.into_arrays().0;
+        let velocities = arrays.velocities.expect("the scan records velocities");
+        let mut lit = [false; SHOTS];
+        for (at, light) in arrays.means.iter().enumerate() {
+            let (sin, cos) = azimuth(at % SHOTS).sin_cos();
+            let [forward, aside] = if drives { [DRIVE[1], DRIVE[0]] } else { [0.0; 2] };
+            let expected = -(SPEED + forward) * cos - aside * sin;
+            let [mean, deviation] = [velocities[2 * at], velocities[2 * at + 1]].map(f64::from);
+            assert!((*light > 0.0) == mean.is_finite());
+            if *light > 0.0 {
+                lit[at % SHOTS] = true;
+                assert!(
+                    (mean - expected).abs() < 0.02 && deviation < 0.05,
+                    "{mean} +- {deviation}, not {expected} m/s"
+                );
+            }
+        }
+        assert_eq!(lit, [true; SHOTS]);
+    }
+}
+
 /// An FMCW LiDAR: a rising and a falling sweep together tell range and velocity of each shot.
 #[test]
 fn two_sweeps_tell_range_and_velocity() {

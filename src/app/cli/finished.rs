@@ -163,26 +163,51 @@ pub struct DetectArgs {
     #[arg(long, value_name = "X", help_heading = "Detector", allow_hyphen_values = true)]
     pub photons: f64,
 
-    /// Number of pulses
-    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 1,
-          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
-    pub pulses: u64,
-
-    /// Quantum efficiency, the probability that a photon is counted
-    #[arg(long, value_name = "0..1", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 1.0)]
-    pub efficiency: f64,
-
     /// Daylight: radiance in W/(m^2 sr), as a number or as an image rendered without a gate. Each gate collects it for the integral of
     /// its weights, which is the duration of a box
     #[arg(long, value_name = "RADIANCE|FILE.exr", help_heading = "Detector")]
     pub background: Option<String>,
 
+    /// One channel, the mean of red, green and blue, instead of three
+    #[arg(long, help_heading = "Detector")]
+    pub mono: bool,
+
+    #[command(flatten)]
+    pub detector: DetectorArgs,
+}
+
+/// A photon-counting detector and the pulses that it sees
+#[derive(Debug, Args)]
+pub struct DetectorArgs {
+    /// Number of pulses
+    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 1, requires = "photons",
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
+    pub pulses: u64,
+
+    /// Quantum efficiency, the probability that a photon is counted
+    #[arg(
+        long,
+        value_name = "0..1",
+        help_heading = "Detector",
+        allow_hyphen_values = true,
+        default_value_t = 1.0,
+        requires = "photons"
+    )]
+    pub efficiency: f64,
+
     /// Dark counts per second
-    #[arg(long, value_name = "HZ", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 0.0)]
+    #[arg(
+        long,
+        value_name = "HZ",
+        help_heading = "Detector",
+        allow_hyphen_values = true,
+        default_value_t = 0.0,
+        requires = "photons"
+    )]
     pub dark_counts: f64,
 
     /// Standard deviation of the measured time, such as 50ps
-    #[arg(long, value_name = "TIME", help_heading = "Detector", allow_hyphen_values = true)]
+    #[arg(long, value_name = "TIME", help_heading = "Detector", allow_hyphen_values = true, requires = "photons")]
     pub jitter: Option<OpticalPath>,
 
     /// Time for which the detector is blind after each count, such as 20ns
@@ -191,20 +216,17 @@ pub struct DetectArgs {
         value_name = "TIME",
         help_heading = "Detector",
         allow_hyphen_values = true,
-        conflicts_with = "first_photon"
+        conflicts_with = "first_photon",
+        requires = "photons"
     )]
     pub dead_time: Option<OpticalPath>,
 
     /// At most one count per pulse: the first photon hides all later ones
-    #[arg(long, help_heading = "Detector")]
+    #[arg(long, help_heading = "Detector", requires = "photons")]
     pub first_photon: bool,
 
-    /// One channel, the mean of red, green and blue, instead of three
-    #[arg(long, help_heading = "Detector")]
-    pub mono: bool,
-
     /// Seed of the random counts
-    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 0)]
+    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 0, requires = "photons")]
     pub seed: u32,
 }
 
@@ -212,8 +234,8 @@ const LIDAR_EXAMPLES: &str = "\
 Examples:
   taugate render lidar.toml --aov depth,object -o scan.npy
   taugate lidar scan.npy -o cloud.las
-  taugate detect scan.npy -o counts.npy --photons 1e6 --background 1e4
-  taugate lidar counts.npy -o noisy.ply --min-intensity 1e-3
+  taugate lidar rising.npy --falling falling.npy -o fmcw.las
+  taugate lidar scan.npy -o noisy.ply --photons 1e6 --background 1e4 --min-intensity 1e-3
 
 Exit codes: 0 done, 2 wrong input or file";
 
@@ -229,6 +251,11 @@ pub struct LidarArgs {
     /// The point cloud: PLY (binary), LAS 1.4, or a NumPy array with named fields
     #[arg(short, long, value_name = "OUT.ply|las|laz|npy", help_heading = "Output")]
     pub output: PathBuf,
+
+    /// For an FMCW sensor: a scan of the same shots with another sweep, such as one that falls. Both together tell the range and the velocity of
+    /// each echo
+    #[arg(long, value_name = "SCAN.npy", help_heading = "Echoes", conflicts_with = "photons")]
+    pub falling: Option<PathBuf>,
 
     /// The point of an echo that gives its time: peak, constant-fraction (half of the peak) or threshold
     #[arg(long, value_name = "METHOD", help_heading = "Echoes", default_value = "peak")]
@@ -249,4 +276,16 @@ pub struct LidarArgs {
     /// Maximum number of echoes per shot, up to 8: the first ones
     #[arg(long, value_name = "N", help_heading = "Echoes", default_value_t = 8)]
     pub max_echoes: usize,
+
+    /// Photons that reach the sensor per pulse for each unit of the scan, J/(m^2 sr): the echoes are those of a detector's counts, as
+    /// taugate detect draws them
+    #[arg(long, value_name = "X", help_heading = "Detector", allow_hyphen_values = true)]
+    pub photons: Option<f64>,
+
+    /// Daylight: radiance in W/(m^2 sr)
+    #[arg(long, value_name = "RADIANCE", help_heading = "Detector", allow_hyphen_values = true, requires = "photons")]
+    pub background: Option<f32>,
+
+    #[command(flatten)]
+    pub detector: DetectorArgs,
 }

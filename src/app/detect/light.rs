@@ -113,12 +113,16 @@ fn corner(path: &Path, description: &Value) -> Result<Option<[i64; 2]>, Error> {
     Ok(description["crop"][0].as_i64().zip(description["crop"][2].as_i64()).map(<[i64; 2]>::from))
 }
 
-/// Whether the settings in the file `path`, or in the JSON file beside it, are those of a sensor of velocities.
+/// Whether the settings in the file `path`, or in the JSON file beside it, are those of a sensor of velocities. A scan with --doppler keeps its
+/// velocities in another file.
 fn records_speeds(path: &Path, description: &Value) -> bool {
     let of_sums = || accumulated::is_sums(path).then(|| read_about(path).ok()).flatten().map(|about| about.settings);
     let settings = description["settings"].as_str().map(String::from).or_else(|| read_settings(path)).or_else(of_sums);
     let experiment = settings.and_then(|settings| Experiment::parse(&settings).ok());
-    experiment.is_some_and(|e| e.gate.fmcw.is_some() || e.render.doppler.is_some_and(|doppler| doppler != Doppler::OFF))
+    experiment.is_some_and(|e| {
+        let has_colours_of_speeds = e.render.doppler.is_some_and(|doppler| doppler != Doppler::OFF) && e.scan.is_none();
+        e.gate.fmcw.is_some() || has_colours_of_speeds
+    })
 }
 
 /// Describes the gates of `images` with the names that the JSON file beside an array has.

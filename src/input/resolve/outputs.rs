@@ -10,6 +10,7 @@ use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
 use crate::settings::GatePictures;
 use crate::settings::aov::Aov;
+use crate::settings::doppler::Doppler;
 use crate::settings::exposure::Exposure;
 use crate::settings::shard::Shard;
 use crate::settings::table::OutputTable;
@@ -30,6 +31,8 @@ pub struct Outputs {
     pub aov: Aov,
     /// Whether the array is that of a scan.
     pub is_scan: bool,
+    /// Whether the velocities of the light of a scan are written too.
+    pub velocity: bool,
     pub png: Option<PathBuf>,
     /// What the picture shows if there are several gates.
     pub png_gates: GatePictures,
@@ -62,6 +65,7 @@ impl Outputs {
             files.extend(self.variance.then(|| npy_file::variance_path(npy)));
             files.extend(self.depth.then(|| npy_file::depth_path(npy)));
             files.extend((self.is_scan && self.aov != Aov::default()).then(|| layers_path(npy)));
+            files.extend(self.velocity.then(|| npy_file::velocity_path(npy)));
         }
         files.extend(self.pictures());
         files.extend(self.stats.clone());
@@ -198,6 +202,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         depth,
         aov,
         is_scan,
+        velocity: is_scan && experiment.render.doppler.is_some_and(|doppler| doppler != Doppler::OFF),
         png,
         png_gates: wanted.png_gates.unwrap_or_default(),
         gate_names: responses.iter().enumerate().map(|(k, response)| file_name(response.name(), k)).collect(),
