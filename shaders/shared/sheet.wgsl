@@ -8,6 +8,9 @@
 //
 // Camera rays split at the first sheet if it is clear: all but a few samples of a pixel pass it with the share of the light as a factor.
 // The others stop there. Choosing at random costs more than the samples that do not pass: the number that pass varies in each pixel.
+//
+// A LiDAR that shares its render with others sees only light that comes straight back. Its rays pass all smooth sheets: what the sheets
+// reflect has more segments.
 #import bsdf
 #import surface
 
@@ -140,6 +143,12 @@ fn is_clear(s: Surface, sheet: Sheet) -> bool {
     return SPLITS_AT_SHEETS && sheet.probability >= CLEAR_PROBABILITY && !has_holes;
 }
 
+// Whether all rays of subpaths pass the sheet at `s`, with the share of the light as a factor.
+fn passes_for_sure(s: Surface, sheet: Sheet) -> bool {
+    let has_holes = HAS_ALPHA && (load_triangle(s.triangle).material & TRIANGLE_ALPHA) != 0u;
+    return HAS_OWN_LASERS && !sheet.scatters && !has_holes;
+}
+
 // Whether the ray along `direction` (unit) passes the sheet at `s`, which lies at the distance `t`. Notes the sheet if so. `is_shadow`:
 // see `trace`. `u`: uniform in [0, 1).
 fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f32) -> bool {
@@ -148,7 +157,7 @@ fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f3
         // The subpath has passed the sheet or a hole in it; only the mean of both is known.
         let covered = coverage(s);
         let share = vec3<f32>(1.0 - covered) + covered * sheet.share;
-        let probability = 1.0 - covered + covered * sheet.probability;
+        let probability = select(1.0 - covered + covered * sheet.probability, 1.0, passes_for_sure(s, sheet));
         note_sheet(t, Transit(share / max(probability, 1e-30), sheet.delay, sheet.scatters));
         if (is_clear(s, sheet)) {
             last_clear = sheet.probability;
@@ -158,7 +167,7 @@ fn passes_sheet(s: Surface, direction: vec3<f32>, t: f32, is_shadow: bool, u: f3
     if (sheet.probability <= 0.0) {
         return false;
     }
-    if (is_shadow || (follows_beam && !sheet.scatters)) {
+    if (is_shadow || (follows_beam && !sheet.scatters) || passes_for_sure(s, sheet)) {
         note_sheet(t, Transit(sheet.share, sheet.delay, sheet.scatters));
         return true;
     }

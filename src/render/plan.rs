@@ -150,7 +150,9 @@ impl Plan {
         }
         // A light subpath would belong to a single beam, and serve only paths of three segments.
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2 && !has_own_lasers;
-        let features = prepared.geometry.features;
+        let mut features = prepared.geometry.features;
+        // Rays of such beams pass clear sheets anyway (`passes_for_sure` in shared/sheet.wgsl).
+        features.clear_sheets &= !has_own_lasers;
         let camera = &scene.cameras[settings.camera()];
         let is_aimed = camera.projection.aims().is_some();
         let [width, height] = settings.resolution();

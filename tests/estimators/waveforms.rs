@@ -83,16 +83,32 @@ fn a_waveform_in_fog_has_the_closed_form_in_each_bin() {
     }
 }
 
-/// Clear glass near the sensor dims all bins alike. Samples that stop at the glass have no part in the turns over the bins, whatever the
-/// length of an iteration.
-#[test]
-fn a_waveform_is_dimmed_by_a_pane() {
+/// A scene with `panes` of glass near the sensor, whose normals make this angle with the beam, and the share of the light that passes them
+/// there and back.
+fn behind(panes: usize, angle: f64) -> (Scene, f64) {
     let mut scene = scene(HALF);
-    let pane = material(&mut scene, glass("pane"));
-    add(&mut scene, "pane", pane, quad(DVec3::new(-1.0, -1.0, -0.2), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0; 2]));
-    let face = (0.5f64 / 2.5).powi(2);
-    let passed = ((1.0 - face) / (1.0 + face)).powi(2);
-    for samples in [3, 6, 16] {
+    let glass = material(&mut scene, glass("pane"));
+    let up = 2.0 * DVec3::new(0.0, angle.cos(), angle.sin());
+    for pane in 0..panes {
+        let centre = DVec3::new(0.0, 0.0, -0.1 * (pane + 2) as f64);
+        add(
+            &mut scene,
+            &format!("pane {pane}"),
+            glass,
+            quad(centre - DVec3::X - 0.5 * up, 2.0 * DVec3::X, up, [1.0; 2]),
+        );
+    }
+    let (out, inside) = (angle.cos(), (1.0 - (angle.sin() / 1.5).powi(2)).sqrt());
+    let [s, p] = [(out - 1.5 * inside) / (out + 1.5 * inside), (inside - 1.5 * out) / (inside + 1.5 * out)];
+    let face = 0.5 * (s * s + p * p);
+    (scene, ((1.0 - face) / (1.0 + face)).powi(2 * panes as i32))
+}
+
+/// Clear glass near the sensor dims all bins alike, whatever the length of an iteration, and however many panes there are.
+#[test]
+fn a_waveform_is_dimmed_by_panes() {
+    for (panes, angle, samples) in [(1, 0.0, 3), (1, 0.0, 6), (1, 0.0, 16), (2, 1.1, 16), (3, 1.1, 3)] {
+        let (scene, passed) = behind(panes, angle);
         let settings = of(Estimator::Lcs);
         let prepared = PreparedScene::new(&scene, &settings).unwrap().with_own_lasers(&[1]);
         let memory = MemoryPlan::new(&scene, &settings, &prepared, Some(device().info())).unwrap();
@@ -100,7 +116,10 @@ fn a_waveform_is_dimmed_by_a_pane() {
         (0..16).for_each(|_| renderer.iterate(samples).unwrap());
         for (bin, (found, truth)) in bins(&renderer).into_iter().zip(truth(1.0)).enumerate() {
             let truth = passed * truth;
-            assert!((found - truth).abs() <= 0.01 * truth, "{samples} samples, bin {bin}: {found}, not {truth}");
+            assert!(
+                (found - truth).abs() <= 0.01 * truth,
+                "{panes} panes, {samples} samples, bin {bin}: {found}, not {truth}"
+            );
         }
     }
 }

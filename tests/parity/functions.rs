@@ -206,6 +206,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("passes_thin_glass", Test("estimators/thin_glass.rs", "a_wall_behind_a_sheet_is_dimmed_and_not_delayed")),
     ("passes_sheet", Test("estimators/thin_glass.rs", "a_wall_behind_a_sheet_is_dimmed_and_not_delayed")),
     ("is_clear", Caller("passes_sheet")),
+    ("passes_for_sure", Test("estimators/waveforms.rs", "a_waveform_is_dimmed_by_panes")),
     ("sheet_at", Test("estimators/thin_glass.rs", "a_wall_behind_a_sheet_is_dimmed_and_not_delayed")),
     ("surface_bsdf", Caller("sheet_at")),
     ("note_sheet", Caller("passes_sheet")),
