@@ -9,7 +9,7 @@ use taugate::Error;
 use taugate::internals::files::check_writable;
 use taugate::internals::image::array_set::{names, read_whole};
 use taugate::internals::lidar::echoes::MAX_ECHOES;
-use taugate::internals::lidar::sweeps::Sweeps;
+use taugate::internals::lidar::sweeps::{Paired, Sweeps};
 use taugate::internals::lidar::{Point, cloud_file};
 
 use crate::app::cli::LidarArgs;
@@ -55,18 +55,32 @@ fn check_numbers(args: &LidarArgs) -> Result<(), Error> {
 /// Reads the scan, or two sweeps, and finds the points.
 fn cloud(args: &LidarArgs) -> Result<Vec<Point>, Error> {
     let input = Input::read(args, &args.input)?;
-    let Some(path) = &args.falling else {
-        if input.chirp.is_some() {
+    if input.unmeasured > 0 {
+        super::say(&format!(
+            "warning: the scan was interrupted: the last {} of {} shots have no points",
+            input.unmeasured,
+            input.shots.count()
+        ));
+    }
+    match &args.falling {
+        Some(other) => two_sweeps(args, &input, other),
+        None if input.chirp.is_some() => {
             super::say(
                 "warning: the ranges are those of an FMCW sensor: an object that moves seems nearer or farther; with a second sweep, such \
-                 as --falling SCAN.npy, they are right, and each echo has a velocity",
+                 as --falling SCAN.npy, they are right, and each echo has an object and a velocity",
             );
+            // The surfaces have other ranges than their beats.
+            Ok(input.cloud(args, None))
         }
-        return Ok(input.cloud(args, input.surfaces.as_deref()));
-    };
+        None => Ok(input.cloud(args, input.surfaces.as_deref())),
+    }
+}
+
+/// The points of two sweeps of an FMCW sensor.
+fn two_sweeps(args: &LidarArgs, input: &Input, path: &Path) -> Result<Vec<Point>, Error> {
     let fail = |path: &Path, message: &str| Error::File { path: path.into(), message: message.into() };
     let other = read_whole(path, || Input::read(args, path))?;
-    let [Some(coupling), Some(of_other)] = [&input, &other].map(|input| input.chirp.map(|chirp| chirp.coupling()))
+    let [Some(coupling), Some(of_other)] = [input, &other].map(|input| input.chirp.map(|chirp| chirp.coupling()))
     else {
         return Err(fail(
             if input.chirp.is_some() { path } else { &args.input },
@@ -79,20 +93,26 @@ fn cloud(args: &LidarArgs) -> Result<Vec<Point>, Error> {
             "has the same sweep as the first scan; measure it with another, such as one that falls",
         ));
     }
-    if input.shots != other.shots {
-        return Err(fail(path, "has other shots than the first scan; measure both with the same [scan]"));
+    if input.shots != other.shots || input.setting != other.setting {
+        return Err(fail(
+            path,
+            "is a scan with other shots, another scene or other settings than the first one; measure both alike, only with another --fmcw",
+        ));
     }
-    let sweeps = Sweeps {
-        couplings: [coupling, of_other],
-        shots: &input.shots,
-        surfaces: input.surfaces.as_deref(),
-        reach: input.width,
-    };
-    let (cloud, unlike) = sweeps.pair([&input, &other].map(|input| input.cloud(args, None)));
+    let (couplings, shots) = ([coupling, of_other], &input.shots);
+    let sweeps = Sweeps { couplings, shots, surfaces: input.surfaces.as_deref() };
+    let Paired { cloud, unlike, may_fold } = sweeps.pair([input, &other].map(|input| input.cloud(args, None)));
     if unlike > 0 {
         super::say(&format!(
-            "warning: {unlike} of {} shots are left out, because they have unlike numbers of echoes in the two sweeps",
-            input.shots.count()
+            "warning: {unlike} of {} shots are left out, because their echoes in the two sweeps do not fit each other",
+            shots.count()
+        ));
+    }
+    if may_fold > 0 {
+        super::say(&format!(
+            "warning: motion shifts {may_fold} of {} echoes by more than half of their range; if it shifts a beat by more than the range, \
+             range and velocity are wrong: use a shorter sweep, or a larger bandwidth",
+            cloud.len()
         ));
     }
     Ok(cloud)

@@ -34,7 +34,7 @@ impl Role {
     const ALL: [Role; 5] = [Role::Array, Role::Variance, Role::Depth, Role::Layers, Role::Velocity];
 
     /// The key of the array in `files` of the JSON file.
-    fn key(self) -> &'static str {
+    pub fn key(self) -> &'static str {
         match self {
             Role::Array => "array",
             Role::Variance => "variance",
@@ -45,7 +45,7 @@ impl Role {
     }
 
     /// The file of this role in the set of the array `path`.
-    fn path(self, path: &Path) -> PathBuf {
+    pub fn path(self, path: &Path) -> PathBuf {
         match self {
             Role::Array => path.into(),
             Role::Variance => variance_path(path),

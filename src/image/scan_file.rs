@@ -135,13 +135,14 @@ impl ScanFilm {
         ScanArrays { shape, means: self.means, variances: wanted(self.variances), velocities: wanted(self.velocities) }
     }
 
-    /// JSON that describes the arrays. `measured`: number of points of the laser that were measured. `layers`: what lies beside them.
+    /// JSON that describes the arrays. `measured`: number of points of the laser that were measured, and samples per pair of points. `group_index`: that of the medium around
+    /// the sensor. `layers`: what lies beside them.
     pub fn description<'a>(
         &self,
         table: &ScanTable,
         scan: &'a Scan,
-        measured: usize,
-        samples: u64,
+        (measured, samples): (usize, u64),
+        group_index: f32,
         layers: Option<&'a ScanLayers>,
         provenance: &'a Provenance,
     ) -> Description<'a> {
@@ -167,6 +168,7 @@ impl ScanFilm {
             laser_grid: laser_points.and_then(Points::grid).or(steps),
             sensor_grid: sensor_points.and_then(Points::grid).or(steps),
             white_target_at_1m: scan.white_target_at_1m(),
+            group_index: Some(group_index).filter(|index| *index != 1.0),
             channels: (scan.at_once > 1).then_some(scan.at_once),
             shot_times_s: scan.times.as_deref(),
             laser_places: scan.places.as_deref().map(positions),
@@ -206,6 +208,9 @@ pub struct Description<'a> {
     /// Radiance of a white diffuse target at 1 m that faces a LiDAR, in the unit of the array.
     #[serde(skip_serializing_if = "Option::is_none")]
     white_target_at_1m: Option<f64>,
+    /// Travel time per length in the medium around the sensor, if it is not 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    group_index: Option<f32>,
     /// Number of consecutive shots that are fired at once, if it is not 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     channels: Option<usize>,

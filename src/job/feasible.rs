@@ -62,6 +62,14 @@ impl Probed {
 }
 
 fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probed>) -> Error {
+    if settings.responses().chirp().is_some() {
+        return Error::settings(format!(
+            "the {} meets no beat: {found}; gates of an FMCW sensor are lengths of paths at rest, and motion shifts the beats: widen the gates, \
+             or render with --doppler to see the velocities (--force renders anyway)",
+            settings.responses().describe()
+        ))
+        .about("gate");
+    }
     let times = probed.map(|probed| &probed.times);
     let mut message = format!("the {} meets no light: {found}", settings.responses().describe());
     if let Some((first, last)) = times.and_then(TravelTimes::range) {

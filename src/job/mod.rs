@@ -145,7 +145,8 @@ impl Job {
     pub fn new(mut experiment: Experiment, mut scene: Scene) -> Result<Job> {
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
-        if velocities::are_needed(&resolved.settings) {
+        let has_layer = experiment.scan.is_some() && experiment.output.aov.is_some_and(|aov| aov.velocity);
+        if velocities::are_needed(&resolved.settings) || has_layer {
             scene.velocities = read::velocities(&experiment, &scene)?;
         }
         Ok(Job { experiment, scene, resolved, notes, is_frame: false })

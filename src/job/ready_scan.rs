@@ -18,6 +18,7 @@ use crate::image::scan_layers::ScanLayers;
 use crate::input::resolve::Resolved;
 use crate::input::scan_table::ScanTable;
 use crate::scan::{Measurement, Moving, PreparedScan, check_memory, scene_at};
+use crate::scene::surrounding_indices;
 use crate::settings::aov::Aov;
 use crate::settings::table::InputTable;
 use crate::settings::{Sampling, Settings};
@@ -202,7 +203,8 @@ impl ReadyScan {
     fn describe<T>(&self, layers: Option<&ScanLayers>, with: impl FnOnce(&Description) -> T) -> T {
         let provenance = Provenance::new(&self.settings, self.seconds(), self.config.clone());
         let (film, scan) = (self.measurement.film(), &self.measurement.scan);
-        let (measured, samples) = (self.measured(), self.measurement.samples());
-        with(&film.description(&self.table, scan, measured, samples, layers, &provenance))
+        let measured = (self.measured(), self.measurement.samples());
+        let group_index = surrounding_indices(&self.measurement.scene().0.media)[1];
+        with(&film.description(&self.table, scan, measured, group_index, layers, &provenance))
     }
 }

@@ -82,6 +82,7 @@ mod tests {
             shot: 0,
             position: dvec3(1.5, -2.25, 3.0),
             range: 4.0,
+            extent: [3.5, 4.5],
             intensity: 0.03,
             echo: 1,
             echoes: 2,

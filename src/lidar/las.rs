@@ -168,6 +168,7 @@ mod tests {
             shot: 0,
             position: DVec3::new(f64::from(k) * 0.37, -1.5, f64::from(k % 7)),
             range: 1.0 + f64::from(k),
+            extent: [0.0, 2e3],
             intensity: 0.5 / (1.0 + f64::from(k)).powi(2),
             echo: 1 + (k % 2) as u8,
             echoes: 2,

@@ -25,6 +25,8 @@ pub struct Point {
     pub position: DVec3,
     /// Distance from the sensor in metres.
     pub range: f64,
+    /// Ranges between which the light of the echo lies, with one bin more on each side.
+    pub extent: [f64; 2],
     /// Light of the echo; 1 is that of a white diffuse target that faces the sensor at 1 m.
     pub intensity: f64,
     /// Number of the echo in its shot, from 1.
@@ -50,10 +52,12 @@ pub struct Waveforms<'a> {
     pub shots: &'a Shots,
     /// Mean radiance per bin and shot, the shot the fastest. Shots that were not measured are NaN.
     pub values: &'a [f32],
-    /// Begin of the first bin, and width of the bins, in metres of optical path.
+    /// Begin of the first bin, and width of the bins, in metres of the way there and back.
     pub begin: f64,
     /// See `begin`.
     pub width: f64,
+    /// Light that is no echo, on average in each bin: daylight and dark counts.
+    pub background: f64,
     /// The first surface on the axis of each shot (range 0: none); `None` if they are not known.
     pub surfaces: Option<&'a [Surface]>,
     /// Mean radial velocity of the light of each value and its standard deviation in m/s; NaN without light. `None` if they are not known.
@@ -63,7 +67,7 @@ pub struct Waveforms<'a> {
 impl Waveforms<'_> {
     /// The points of all shots in order, and within a shot the earliest echo first. The finder's lengths are in bins, and its floor is an
     /// intensity. An echo has the range of the first surface on the axis of the shot, if that surface is in its bins or at most
-    /// one bin away. Otherwise its range is its position in the waveform, in a medium of index 1.
+    /// one bin away. Otherwise its range is its position in the waveform.
     pub fn cloud(&self, finder: &Finder) -> Vec<Point> {
         let (shots, white) = (self.shots.count(), self.shots.white);
         let shot = |number: usize| {
@@ -80,8 +84,8 @@ impl Waveforms<'_> {
         let surface = self.surfaces.map(|surfaces| surfaces[number]).filter(|surface| surface.range > 0.0);
         let range_at = |position: f64| 0.5 * (self.begin + position * self.width);
         let point = |(k, echo): (usize, &echoes::Echo)| {
-            let bins = range_at(echo.begin as f64 - 1.0)..=range_at(echo.end as f64 + 1.0);
-            let hit = surface.filter(|surface| bins.contains(&f64::from(surface.range)));
+            let [near, far] = [range_at(echo.begin as f64 - 1.0), range_at(echo.end as f64 + 1.0)];
+            let hit = surface.filter(|surface| (near..=far).contains(&f64::from(surface.range)));
             let range = hit.map_or(range_at(echo.position), |surface| surface.range.into());
             let of_surface = || [hit.map_or(f32::NAN, |surface| surface.velocity), f32::NAN];
             let [velocity, deviation] = self.velocity_of(number, waveform, echo).unwrap_or_else(of_surface);
@@ -89,7 +93,8 @@ impl Waveforms<'_> {
                 shot: number,
                 position: place + range * direction,
                 range,
-                intensity: echo.light,
+                extent: [near, far],
+                intensity: (echo.light - self.background / self.shots.white * (echo.end - echo.begin) as f64).max(0.0),
                 echo: k as u8 + 1,
                 echoes: found.len() as u8,
                 time: self.shots.times[number],
@@ -149,7 +154,8 @@ mod tests {
         let surface = |range, object| Surface { range, object, velocity: 2.5 };
         let surfaces = [surface(5.4567, 9), surface(0.0, 0)];
         let (surfaces, velocities) = (Some(&surfaces[..]), None);
-        let waveforms = Waveforms { shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces, velocities };
+        let waveforms =
+            Waveforms { background: 0.0, shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces, velocities };
         let cloud = waveforms.cloud(&FINDER);
         assert_eq!(cloud.len(), 2);
         assert!((cloud[0].range - 5.4567).abs() < 1e-6 && cloud[0].object == 9);
@@ -178,8 +184,11 @@ mod tests {
         let velocities = [f32::NAN, f32::NAN, 4.0, 1.0, -2.0, 0.0, f32::NAN, f32::NAN];
         let (surfaces, velocities) = (None, Some(&velocities[..]));
         let cloud =
-            Waveforms { shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces, velocities }.cloud(&FINDER);
+            Waveforms { background: 0.1, shots: &shots, values: &values, begin: 2.0, width: 2.0, surfaces, velocities }
+                .cloud(&FINDER);
         let [point] = cloud[..] else { panic!("{cloud:?}") };
+        // Two bins have twice the background.
+        assert!((point.intensity - 3.8).abs() < 1e-6);
         // The mean square is (3 (16 + 1) + 4) / 4.
         assert!(
             (point.velocity - 2.5).abs() < 1e-6 && (point.deviation - (13.75f32 - 6.25).sqrt()).abs() < 1e-6,

@@ -56,8 +56,11 @@ impl Measurement {
         let mut seen = Seen::new(points.len(), scene, chosen.velocity);
         let camera = Scan::camera_at(self.scan.sensor, points);
         aimed_surfaces(device, scene, settings, &camera, &mut |point, surface| {
-            // Nothing moves.
-            seen.set(point, &surface, scene, 0.0);
+            // All shots see the same moment, and the LiDAR stands still.
+            let direction = (points[point] - self.scan.sensor).normalize();
+            let there = self.scan.sensor + direction * f64::from(surface.distance);
+            let of = |velocities: &Velocities| velocities.of(surface.instance as usize, there).dot(direction);
+            seen.set(point, &surface, scene, scene.velocities.as_ref().map_or(0.0, of) as f32);
         })?;
         Ok(ScanLayers { chosen, hits: seen.hits, objects: seen.objects })
     }

@@ -123,6 +123,9 @@ fn guarded<T>(path: &Path, read: impl FnOnce() -> Checked<T>) -> Result<T> {
         .map_err(|message| Error::Scene { path: path.into(), message })
 }
 
+/// Maximum number of nodes that a message names.
+const MAX_SHOWN_NODES: usize = 12;
+
 /// Time in seconds, place in metres and rotation of a node.
 pub type Pose = (f64, DVec3, DQuat);
 
@@ -141,8 +144,13 @@ pub fn poses(
         let Some(end) = animation::end(&doc, animation)? else {
             return Err("has no animations, so no node moves".into());
         };
-        let index = (0..doc.root.nodes.len()).find(|&index| doc.node_name(index) == name);
-        let index = index.ok_or_else(|| format!("has no node '{name}'; taugate info lists cameras and lights"))?;
+        let nodes = 0..doc.root.nodes.len();
+        let index = nodes.clone().find(|&index| doc.node_name(index) == name);
+        let index = index.ok_or_else(|| {
+            let shown: Vec<String> = nodes.clone().map(|index| doc.node_name(index)).take(MAX_SHOWN_NODES).collect();
+            let rest = if nodes.len() > shown.len() { ", ..." } else { "" };
+            format!("has no node '{name}'; its nodes are {}{rest}", shown.join(", "))
+        })?;
         let steps = steps(end).max(1);
         let pose = |step: u32| {
             let time = end * f64::from(step) / f64::from(steps);

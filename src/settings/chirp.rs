@@ -47,11 +47,12 @@ impl Chirp {
     }
 }
 
-/// `text` without one of these units, times its factor.
-fn with_unit(text: &str, units: &[(&str, f64)]) -> Option<f64> {
-    let (digits, divisor) =
-        units.iter().find_map(|(unit, divisor)| Some((text.trim().strip_suffix(unit)?, divisor)))?;
-    digits.trim().parse().ok().map(|x: f64| x / divisor)
+/// `text` without one of these units, times its power of ten.
+fn with_unit(text: &str, units: &[(&str, i32)]) -> Option<f64> {
+    let (digits, &power) = units.iter().find_map(|(unit, power)| Some((text.trim().strip_suffix(unit)?, power)))?;
+    // Negative powers of ten have no exact value.
+    let scaled = |x: f64| if power < 0 { x / 10f64.powi(-power) } else { x * 10f64.powi(power) };
+    digits.trim().parse().ok().map(scaled)
 }
 
 /// Parses wavelength, bandwidth and duration with units, such as `1550nm,1GHz,10us`. A duration below 0 is a sweep that falls.
@@ -62,8 +63,8 @@ impl FromStr for Chirp {
         let parts: Vec<&str> = text.split(',').collect();
         let chirp = match parts[..] {
             [wavelength, bandwidth, sweep] => {
-                let wavelength = with_unit(wavelength, &[("nm", 1e9), ("um", 1e6), ("mm", 1e3)]);
-                let bandwidth = with_unit(bandwidth, &[("THz", 1e-12), ("GHz", 1e-9), ("MHz", 1e-6)]);
+                let wavelength = with_unit(wavelength, &[("nm", -9), ("um", -6), ("mm", -3)]);
+                let bandwidth = with_unit(bandwidth, &[("THz", 12), ("GHz", 9), ("MHz", 6)]);
                 wavelength.zip(bandwidth).zip(seconds(sweep)).and_then(|((a, b), c)| Chirp::new(a, b, c))
             }
             _ => None,
@@ -80,7 +81,7 @@ impl FromStr for Chirp {
 /// Prints text that parses to the same chirp.
 impl fmt::Display for Chirp {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [wavelength, bandwidth] = [self.wavelength * 1e9, self.bandwidth * 1e-6].map(number);
+        let [wavelength, bandwidth] = [self.wavelength * 1e9, self.bandwidth / 1e6].map(number);
         write!(f, "{wavelength}nm,{bandwidth}MHz,{}us", number(self.sweep * 1e6))
     }
 }
@@ -105,6 +106,7 @@ mod tests {
     fn a_chirp_has_three_parts() {
         let chirp: Chirp = "1550nm,1GHz,10us".parse().unwrap();
         assert_eq!(chirp.to_string().parse::<Chirp>().unwrap(), chirp);
+        assert_eq!(chirp.to_string(), "1550nm,1000MHz,10us");
         // nu T / B = 193.4 THz x 10 us / 1 GHz. One bin of 1 / T is c / B = 0.3 m.
         assert!((chirp.coupling() - 1.934_145).abs() < 1e-5, "{}", chirp.coupling());
         assert!((chirp.hertz_per_metre() * 0.299_792_458 - 1e5).abs() < 1e-6);

@@ -119,6 +119,15 @@ fn a_cloud_has_the_points_of_the_wall() {
             true => assert!(ratio < 0.9 && ratio > 0.7, "{ratio}"),
         }
 
+        // A medium in which light is slower changes nothing.
+        run(
+            here,
+            &["render", "lidar.toml", "--medium-group-ior", "1.4", "--aov", "depth,object", "-o", "scan.npy", "-q"],
+        );
+        run(here, &["lidar", "scan.npy", "-o", "slow.npy"]);
+        let slow = read(&here.join("slow.npy"));
+        assert!(slow.len() == cloud.len() && slow.iter().all(|point| point.object > 0), "{slow:?}");
+
         // Without layers, the bins of 5 cm in range decide.
         run(here, &["render", "lidar.toml", "-o", "scan.npy", "-q"]);
         run(here, &["lidar", "scan.npy", "-o", "bins.npy"]);
@@ -166,6 +175,12 @@ fn fog_returns_before_the_wall_and_a_detector_adds_noise() {
     run(here, &[&noisy[..], &["--min-intensity", "1e-3"]].concat());
     let bright = read(&here.join("noisy.npy")).len();
     assert!(all > 3 * bright && bright > 4, "{all} and {bright} points");
+    // On average, it adds nothing to the intensity.
+    let bright =
+        ["lidar", "clear.npy", "-o", "bright.npy", "--photons", "1e4", "--pulses", "100", "--min-intensity", "1e-3"];
+    run(here, &[&bright[..], &["--background", "1e7"]].concat());
+    let ratio = sum("bright.npy") / sum("clear-cloud.npy");
+    assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
 }
 
 /// A LiDAR looks down at rough water: its surface returns light, and then the bed does, delayed by the group index of water.
@@ -223,7 +238,17 @@ fn mistakes_are_named_and_leave_no_file() {
     fails(here, &["render", "lidar.toml", "--doppler", "9m/s", "-o", "x.npy"], 2, "choose the moment with --at");
     run(here, &["detect", "scan.npy", "-o", "counts.npy", "--photons", "1e4"]);
     run(here, &["render", "lidar.toml", "--fmcw", "1550nm,1GHz,10us", "-o", "beats.npy", "-q"]);
-    let table: [(&[&str], &str); 16] = [
+    let other = ["--fmcw", "1550nm,1GHz,-10us", "--sigma-a", "0.01"];
+    run(here, &[&["render", "lidar.toml", "-o", "others.npy", "-q"], &other[..]].concat());
+    run(here, &["render", "lidar.toml", "--repeat", "50m", "-o", "pulsed.npy", "-q"]);
+    run(here, &["render", "lidar.toml", "--aov", "depth", "-o", "layers.npy", "-q"]);
+    std::fs::remove_file(here.join("layers.aov.npy")).unwrap();
+    let json = std::fs::read_to_string(here.join("scan.json")).unwrap();
+    let changed = json.replace("\"bin_width_opl\": 1.0", "\"bin_width_opl\": 2.0");
+    assert!(changed != json);
+    std::fs::copy(here.join("scan.npy"), here.join("changed.npy")).unwrap();
+    std::fs::write(here.join("changed.json"), changed).unwrap();
+    let table: [(&[&str], &str); 20] = [
         (&["counts.npy", "-o", "x.ply", "--photons", "1e4"], "holds the counts of a detector already"),
         (&["beats.npy", "-o", "x.ply", "--photons", "1e4"], "leave out --photons"),
         (&["beats.npy", "-o", "x.ply", "--falling", "scan.npy"], "measure it with --fmcw"),
@@ -239,7 +264,11 @@ fn mistakes_are_named_and_leave_no_file() {
         (&["scan.npy", "-o", "x.ply", "--detection", "best"], "constant-fraction"),
         (&["scene.glb", "-o", "x.ply"], "is no scan"),
         (&["thin.npy", "-o", "x.ply"], "give its laser a divergence"),
-        (&["nothing.npy", "-o", "x.ply"], "is no scan"),
+        (&["nothing.npy", "-o", "x.ply"], "nothing.npy"),
+        (&["layers.npy", "-o", "x.ply"], "layers.aov.npy: is missing, but belongs to layers.npy"),
+        (&["changed.npy", "-o", "x.ply"], "has a JSON file that was changed"),
+        (&["pulsed.npy", "-o", "x.ply"], "measure it again without --repeat"),
+        (&["beats.npy", "-o", "x.ply", "--falling", "others.npy"], "other settings than the first one"),
     ];
     for (arguments, part) in table {
         fails(here, &[&["lidar"], arguments].concat(), 2, part);

@@ -62,7 +62,7 @@ fn ranges(path: &Path, depth: &str, drives: Option<bool>) -> (Vec<f64>, usize) {
     let layers = scan.layers().unwrap().unwrap();
     for (shot, hit) in layers.hits.iter().enumerate() {
         let azimuth = azimuth(shot);
-        let approach = drives.map_or(0.0, |_| SPEED) + if drives == Some(true) { DRIVE[1] } else { 0.0 };
+        let approach = SPEED + if drives == Some(true) { DRIVE[1] } else { 0.0 };
         let aside = if drives == Some(true) { DRIVE[0] } else { 0.0 };
         let velocity = -approach * azimuth.cos() - aside * azimuth.sin();
         assert!(

@@ -73,7 +73,7 @@ impl Input {
         let description = of_file.unwrap_or_else(|| description(images, &gates));
         if records_speeds(path, &description) {
             return Err(fail(
-                "records velocities or beats, but a detector counts the light of travel times; render it without --doppler and --fmcw",
+                "records velocities or beats, but a detector counts the light of travel times; render it without --doppler and --fmcw, or scan it without --fmcw",
             ));
         }
         let corner = corner(path, &description)?;

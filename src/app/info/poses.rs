@@ -34,10 +34,10 @@ pub fn write(experiment: &Experiment, wanted: &str) -> Result<(), Error> {
         })
     })?;
     crate::app::say(&format!(
-        "{}: {} poses of '{node}' from 0 s to {} s",
+        "{}: {} poses of '{node}' from 0 s to {} s; with at, give begin the same time",
         file.display(),
         poses.len(),
-        poses[poses.len() - 1].0
+        (poses[poses.len() - 1].0 * 1e6).round() / 1e6
     ));
     Ok(())
 }

@@ -184,7 +184,8 @@ impl Points {
 
 /// Elevation and azimuth offset in degrees of each channel of a LiDAR.
 fn read_channels(path: &Path) -> Result<Vec<[f64; 2]>, String> {
-    let channels = rows::read::<2>(path, "the elevation and the azimuth offset of a channel in degrees", "-15,1.4")?;
+    let row = "the elevation and the azimuth offset of a channel in degrees";
+    let channels = rows::read(path, ["elevation", "azimuth"], row, "-15,1.4")?;
     let wrong =
         |[elevation, offset]: &[f64; 2]| !((-90.0..=90.0).contains(elevation) && (-TURN..=TURN).contains(offset));
     match channels.iter().position(wrong) {
@@ -286,8 +287,9 @@ impl Spinning {
 impl Shots {
     /// The rows of the file: time, azimuth and elevation.
     fn read(&self) -> Result<Vec<[f64; 3]>, String> {
-        let rows = rows::read::<3>(
+        let rows = rows::read(
             &self.shots,
+            ["time", "azimuth", "elevation"],
             "the time in seconds, azimuth and elevation in degrees of a shot",
             "0.00001,30,-5",
         )?;

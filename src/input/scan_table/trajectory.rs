@@ -6,7 +6,8 @@ use glam::{DQuat, DVec3};
 
 use crate::input::rows;
 
-/// A row of the file, and an example.
+/// The columns of the file, what a row is, and an example.
+const COLUMNS: [&str; 8] = ["time", "x", "y", "z", "qx", "qy", "qz", "qw"];
 const ROW: &str = "a time in seconds, a position in metres and a unit quaternion (time,x,y,z,qx,qy,qz,qw)";
 const EXAMPLE: &str = "0.05,0,1.6,-0.5,0,0,0,1";
 /// Maximum difference to 1 of the length of a quaternion. Files with four digits have it.
@@ -33,7 +34,7 @@ impl Trajectory {
     /// Reads a CSV file with a pose per row. Fails with one sentence if it cannot be read, if a number is not finite, if times do not rise,
     /// or if a quaternion is not a unit quaternion.
     pub fn read(path: &Path) -> Result<Trajectory, String> {
-        let rows = rows::read::<8>(path, ROW, EXAMPLE)?;
+        let rows = rows::read(path, COLUMNS, ROW, EXAMPLE)?;
         Trajectory::of_rows(&rows).map_err(|message| format!("{}: {message}", path.display()))
     }
 

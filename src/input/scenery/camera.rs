@@ -99,7 +99,7 @@ fn apply_lens(table: &CameraTable, camera: &mut Camera, is_calibrated: bool) -> 
         None => {}
         Some(VignettingChoice::Cos4) => camera.lens.vignetting = Vignetting::Cos4,
         Some(VignettingChoice::Table(path)) => {
-            let rows = rows::read(path, "an angle in degrees and a share of the light", "10,0.95");
+            let rows = rows::read(path, ["angle", "share"], "an angle in degrees and a share of the light", "10,0.95");
             let rows = rows.map_err(Error::settings)?;
             camera.lens.vignetting =
                 Vignetting::Table(rows.into_iter().map(|[degrees, share]| [degrees.to_radians(), share]).collect());

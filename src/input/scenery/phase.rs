@@ -53,7 +53,7 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
             },
         },
         Phase::Table(path) => {
-            let rows = rows::read(&path, "a cosine and a value", "-1,0.05")?;
+            let rows = rows::read(&path, ["cosine", "value"], "a cosine and a value", "-1,0.05")?;
             let (cosines, values) = rows.into_iter().map(<(f64, f64)>::from).unzip();
             PhaseFunction::Table { cosines, values }
         }
