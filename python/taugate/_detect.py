@@ -31,7 +31,7 @@ class Counts:
         path = pathlib.Path(path)
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy")
-        _native.write_scan(path, self.data, None, None, json.dumps(self.description))
+        _native.write_scan(path, self.data, None, None, None, json.dumps(self.description))
 
     def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray:
         return np.array(self.data, dtype=dtype or np.float32)
