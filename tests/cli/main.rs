@@ -18,6 +18,7 @@ mod info;
 mod lens;
 mod lidar;
 mod memory;
+mod moving_lidar;
 mod orthographic;
 mod regressions;
 mod remembered;
