@@ -29,9 +29,9 @@ struct PathState {
     triangle: u32,
 }
 
-// With HAS_DOPPLER (doppler.wgsl). xyz: velocity of the sensor; then that of each emitter, which has a meaning if the emitter has no surface;
-// then three texels per instance: the velocity of the point p of an instance has the components dot(texel, (p, 1)). Emitters, w: probability
-// that a light subpath starts from it.
+// With HAS_DOPPLER (doppler.wgsl). First the sensor, xyz: its velocity. Then one texel per emitter. xyz: its velocity, if it has no surface.
+// w: probability that a light subpath starts from it. Then three texels per instance: its point p has the velocity dot(texel, (p, 1)), one
+// component per texel.
 @group(0) @binding(20) var velocities: texture_1d<u32>;
 
 const PATH_ALIVE: u32 = 1u;
