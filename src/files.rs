@@ -124,6 +124,11 @@ pub fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }
 
+/// Whether two paths lead to the same file. False if one of the files does not exist.
+pub fn is_same(a: &Path, b: &Path) -> bool {
+    fs::canonicalize(a).is_ok_and(|a| fs::canonicalize(b).is_ok_and(|b| a == b))
+}
+
 /// Whether `file` is the same file as `other`, or lies in the folder `other`. Both paths are resolved first, so links and
 /// relative paths do not matter.
 pub fn lies_in(file: &Path, other: &Path) -> bool {

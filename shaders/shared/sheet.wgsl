@@ -137,16 +137,19 @@ fn sheet_at(s: Surface, direction: vec3<f32>) -> Sheet {
     return Sheet(share, min(most / max(most + (1.0 - clear), 1e-30), limit), delay, diffuse || has_rough_clearcoat(m, point_words(s)));
 }
 
+// Whether the triangle of `s` has alpha.
+fn has_holes(s: Surface) -> bool {
+    return HAS_ALPHA && (load_triangle(s.triangle).material & TRIANGLE_ALPHA) != 0u;
+}
+
 // Whether camera rays split at the sheet at `s`. A sheet with alpha is not clear: it has holes.
 fn is_clear(s: Surface, sheet: Sheet) -> bool {
-    let has_holes = HAS_ALPHA && (load_triangle(s.triangle).material & TRIANGLE_ALPHA) != 0u;
-    return SPLITS_AT_SHEETS && sheet.probability >= CLEAR_PROBABILITY && !has_holes;
+    return SPLITS_AT_SHEETS && sheet.probability >= CLEAR_PROBABILITY && !has_holes(s);
 }
 
 // Whether all rays of subpaths pass the sheet at `s`, with the share of the light as a factor.
 fn passes_for_sure(s: Surface, sheet: Sheet) -> bool {
-    let has_holes = HAS_ALPHA && (load_triangle(s.triangle).material & TRIANGLE_ALPHA) != 0u;
-    return HAS_OWN_LASERS && !sheet.scatters && !has_holes;
+    return HAS_OWN_LASERS && !sheet.scatters && !has_holes(s);
 }
 
 // Whether the ray along `direction` (unit) passes the sheet at `s`, which lies at the distance `t`. Notes the sheet if so. `is_shadow`:

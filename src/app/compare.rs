@@ -9,6 +9,7 @@ use taugate::Error;
 use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, Verdict, agreement, colours};
 use taugate::internals::compare::flip;
 use taugate::internals::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
+use taugate::internals::files::is_same;
 use taugate::internals::image::accumulation::file::read_about;
 use taugate::internals::image::batches::CellBatches;
 use taugate::internals::image::exr_file::{Merged, Picture, read_picture, write_plain};
@@ -126,9 +127,7 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
     if extension != "png" && extension != "exr" {
         return Err(Error::settings(format!("the map of --z, {}, must end in .png or .exr", out.display())));
     }
-    let same =
-        |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
-    if same(out, &args.image) || same(out, &args.reference) {
+    if is_same(out, &args.image) || is_same(out, &args.reference) {
         return Err(Error::settings(format!("--z would overwrite {}; choose another name", out.display())));
     }
     if image.seed.is_some() && image.seed == reference.seed && unbiased(image) != unbiased(reference) {

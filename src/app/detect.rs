@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use taugate::Error;
 use taugate::internals::detector::light::counts;
 use taugate::internals::detector::{Blind, Detector};
-use taugate::internals::files::{check_writable, has_extension};
+use taugate::internals::files::{check_writable, has_extension, is_same};
 use taugate::internals::image::array_set::{ArraySet, Role, forget_arrays, names};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
@@ -32,10 +32,8 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     let description = description_path(&args.output);
     check_writable(&args.output)?;
     check_writable(&description)?;
-    let same =
-        |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
     let of_light = names(&args.input);
-    if names(&args.output).iter().chain(&png).any(|file| of_light.iter().any(|of_light| same(file, of_light))) {
+    if names(&args.output).iter().chain(&png).any(|file| of_light.iter().any(|of_light| is_same(file, of_light))) {
         return Err(
             Error::settings(format!("{} would replace the light; choose another name", args.output.display())).into()
         );

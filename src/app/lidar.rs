@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use taugate::Error;
-use taugate::internals::files::check_writable;
+use taugate::internals::files::{check_writable, is_same};
 use taugate::internals::image::array_set::{names, read_whole};
 use taugate::internals::lidar::echoes::MAX_ECHOES;
 use taugate::internals::lidar::sweeps::{Paired, Sweeps};
@@ -19,10 +19,8 @@ pub fn run(args: &LidarArgs) -> anyhow::Result<ExitCode> {
     cloud_file::check_extension(&args.output)?;
     check_numbers(args)?;
     check_writable(&args.output)?;
-    let same =
-        |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
     let read = args.falling.iter().chain([&args.input]).flat_map(|path| names(path));
-    if read.into_iter().any(|file| same(&file, &args.output)) {
+    if read.into_iter().any(|file| is_same(&file, &args.output)) {
         return Err(
             Error::settings(format!("{} would replace the scan; choose another name", args.output.display())).into()
         );

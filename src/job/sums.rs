@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
-use crate::files::Lock;
+use crate::files::{Lock, is_same};
 use crate::image::accumulation::file::{self, Parts};
 use crate::image::accumulation::{self, About, Accumulation};
 use crate::image::fingerprint;
@@ -187,10 +187,6 @@ pub fn empty_shard(shard: Shard, budget: &Budget, lengths: Lengths) -> Option<St
             "shard {shard} has no iteration of a render of {spp} samples per pixel; use at most {iterations} shards"
         )
     })
-}
-
-fn is_same(a: &Path, b: &Path) -> bool {
-    std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b))
 }
 
 /// The file of --checkpoint while a render runs.

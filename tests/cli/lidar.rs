@@ -248,7 +248,10 @@ fn mistakes_are_named_and_leave_no_file() {
     assert!(changed != json);
     std::fs::copy(here.join("scan.npy"), here.join("changed.npy")).unwrap();
     std::fs::write(here.join("changed.json"), changed).unwrap();
-    let table: [(&[&str], &str); 20] = [
+    let json = std::fs::read_to_string(here.join("beats.json")).unwrap();
+    std::fs::copy(here.join("beats.npy"), here.join("unset.npy")).unwrap();
+    std::fs::write(here.join("unset.json"), json.replace("\"settings\"", "\"old settings\"")).unwrap();
+    let table: [(&[&str], &str); 21] = [
         (&["counts.npy", "-o", "x.ply", "--photons", "1e4"], "holds the counts of a detector already"),
         (&["beats.npy", "-o", "x.ply", "--photons", "1e4"], "leave out --photons"),
         (&["beats.npy", "-o", "x.ply", "--falling", "scan.npy"], "measure it with --fmcw"),
@@ -267,6 +270,7 @@ fn mistakes_are_named_and_leave_no_file() {
         (&["nothing.npy", "-o", "x.ply"], "nothing.npy"),
         (&["layers.npy", "-o", "x.ply"], "layers.aov.npy: is missing, but belongs to layers.npy"),
         (&["changed.npy", "-o", "x.ply"], "has a JSON file that was changed"),
+        (&["unset.npy", "-o", "x.ply"], "has a JSON file that was changed"),
         (&["pulsed.npy", "-o", "x.ply"], "measure it again without --repeat"),
         (&["beats.npy", "-o", "x.ply", "--falling", "others.npy"], "other settings than the first one"),
     ];

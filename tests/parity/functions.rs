@@ -205,6 +205,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("next_fine_uniform", Test("sampler/stress.rs", "a_rare_first_child_is_drawn_as_rarely_as_it_should")),
     ("passes_thin_glass", Test("estimators/thin_glass.rs", "a_wall_behind_a_sheet_is_dimmed_and_not_delayed")),
     ("passes_sheet", Test("estimators/thin_glass.rs", "a_wall_behind_a_sheet_is_dimmed_and_not_delayed")),
+    ("has_holes", Caller("passes_sheet")),
     ("is_clear", Caller("passes_sheet")),
     ("passes_for_sure", Test("estimators/waveforms.rs", "a_waveform_is_dimmed_by_panes")),
     ("sheet_at", Test("estimators/thin_glass.rs", "a_wall_behind_a_sheet_is_dimmed_and_not_delayed")),

@@ -73,6 +73,9 @@ impl Input {
         }
         let experiment = about["settings"].as_str().and_then(|settings| Experiment::parse(settings).ok());
         let chirp = experiment.as_ref().and_then(|experiment| experiment.gate.fmcw);
+        if chirp.is_none() && about["beat_hz_per_m"].is_number() {
+            return Err(fail("has a JSON file that was changed; measure it again"));
+        }
         if chirp.is_some() && args.photons.is_some() {
             return Err(fail(
                 "holds beat spectra, but a detector counts photons by their travel times; leave out --photons",
