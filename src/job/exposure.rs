@@ -74,10 +74,20 @@ impl Exposure {
         }))
     }
 
-    /// A warning if a budget of samples shows so few moments that they can be told apart.
+    /// A warning if a budget of samples shows so few moments that they can be told apart, or too few for the turns of a heterodyne sensor.
     pub fn warning(&self, budget: Budget) -> Option<String> {
         let Budget::Spp(spp) = budget else { return None };
         let moments = Lengths::OfMoments.iterations_of(spp);
+        let turns = (self.heterodyne * self.duration).abs();
+        let needed = MOMENTS_PER_TURN * turns;
+        if f64::from(moments) < needed {
+            return Some(format!(
+                "the phase of the heterodyne sensor turns {} times while the shutter is open, but {spp} samples per pixel show {moments} \
+                 moments; use at least --spp {}, or a shorter --shutter",
+                (turns * 10.0).round() / 10.0,
+                (needed * f64::from(spp.div_ceil(moments))).ceil()
+            ));
+        }
         (moments < FEW_MOMENTS).then(|| {
             format!(
                 "with {spp} samples per pixel, the exposure shows {moments} moments, which may look like separate images; use at least \
@@ -127,6 +137,8 @@ fn shift_of(seed: u32) -> u32 {
 
 /// Fewer moments than this may be told apart.
 const FEW_MOMENTS: u32 = 16;
+/// With fewer moments, the mean over a turn of a heterodyne sensor is far from 0.
+const MOMENTS_PER_TURN: f64 = 4.0;
 
 /// Fails if the settings have a rolling shutter or a heterodyne sensor without an exposure, or if nothing in the scene moves. Also fails if
 /// one of `rows` of the image is exposed before or after the animations.
@@ -257,6 +269,18 @@ mod tests {
                 assert!((mean - 0.5).abs() < 0.02, "{mean}");
             }
         }
+    }
+
+    #[test]
+    fn too_few_moments_are_named() {
+        let warning =
+            |heterodyne, spp| Exposure { heterodyne, ..exposure(0.0) }.warning(Budget::Spp(spp)).unwrap_or_default();
+        assert_eq!(warning(0.0, 32), "");
+        assert!(warning(0.0, 16).ends_with("use at least --spp 32"), "{}", warning(0.0, 16));
+        assert_eq!(warning(-200.0, 32), "");
+        let many = warning(-1e3, 64);
+        assert!(many.contains("turns 20 times") && many.contains("show 32 moments; use at least --spp 160,"), "{many}");
+        assert_eq!(warning(-1e3, 160), "");
     }
 
     #[test]
