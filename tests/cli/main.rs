@@ -20,6 +20,7 @@ mod lidar;
 mod memory;
 mod moving_lidar;
 mod orthographic;
+mod rays;
 mod regressions;
 mod remembered;
 mod scan;
