@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use taugate::internals::bench::case::{Case, Entry};
 use taugate::internals::bench::growth;
-use taugate::internals::bench::quality::{MARGIN, MAX_REFERENCE_RELMSE, is_good};
+use taugate::internals::bench::quality::{MARGIN, MARGIN_OF_BOUNDS, MAX_REFERENCE_RELMSE, Trust, trust};
 use taugate::internals::bench::race::Race;
 use taugate::internals::bench::reference::{self, Reference};
 use taugate::internals::bench::report::{self, Page};
@@ -250,25 +250,29 @@ impl Bench {
             let Some(mut new) = race.run(repetition, self.suite.seconds, &mut watch)? else {
                 return Ok(Verdict::Measured);
             };
-            let poor = [summary::all, summary::trimmed].map(|part| too_near(&new, part).filter(|_| self.suite.errors));
-            match poor {
-                [None, _] => {}
-                [Some(all), None] if repetition == 0 => progress.line(&format!(
-                    "note: {}: {}; the report leaves out relMSE over all pixels and keeps trimmed relMSE; make a better reference with: {}",
+            let poor = MEASURES.map(|(_, part)| too_near(&new, part).filter(|_| self.suite.errors));
+            if let [Some((_, Trust::Nothing)), Some((trimmed, Trust::Nothing))] = poor {
+                progress.failure(&format!(
+                    "refused: {}: trimmed, {}; relMSE over all pixels fails too; make a better reference with: {}",
                     scene.name,
-                    nearness(all, summary::all),
+                    nearness(trimmed, summary::trimmed),
                     self.remedy()
-                )),
-                [Some(_), None] => {}
-                [Some(_), Some(trimmed)] => {
-                    progress.failure(&format!(
-                        "refused: {}: trimmed, {}; relMSE over all pixels fails too; make a better reference with: {}",
+                ));
+                self.keep_refused(&scene.name, new)?;
+                return Ok(Verdict::Refused);
+            }
+            for ((name, part), near) in MEASURES.into_iter().zip(poor) {
+                if let Some((row, trust)) = near.filter(|_| repetition == 0) {
+                    progress.line(&format!(
+                        "note: {}: {name}, {}; {} make a better reference with: {}",
                         scene.name,
-                        nearness(trimmed, summary::trimmed),
+                        nearness(row, part),
+                        match trust {
+                            Trust::Nothing => "the report leaves it out;",
+                            _ => "the report has bounds;",
+                        },
                         self.remedy()
                     ));
-                    self.keep_refused(&scene.name, new)?;
-                    return Ok(Verdict::Refused);
                 }
             }
             if repetition == 0 && self.suite.errors {
@@ -334,15 +338,21 @@ impl Bench {
     }
 }
 
-/// The result with the smallest relMSE among those that are too accurate for their reference.
-fn too_near(rows: &[Row], part: fn(Means) -> f64) -> Option<&Row> {
-    let near = rows.iter().filter(|row| !is_good(part(row.own), part(row.relmse)));
-    near.min_by(|a, b| part(a.relmse).total_cmp(&part(b.relmse)))
+/// One of the two relMSE.
+type Measure = fn(Means) -> f64;
+const MEASURES: [(&str, Measure); 2] = [("relMSE over all pixels", summary::all), ("trimmed", summary::trimmed)];
+
+/// The result with the smallest relMSE among those that are trusted least, and the trust in it. `None` if all are fully trusted.
+fn too_near(rows: &[Row], part: Measure) -> Option<(&Row, Trust)> {
+    let trusted = rows.iter().map(|row| (row, trust(part(row.own), part(row.relmse))));
+    trusted
+        .filter(|(_, trust)| *trust < Trust::Full)
+        .min_by(|(a, of_a), (b, of_b)| of_a.cmp(of_b).then(part(a.relmse).total_cmp(&part(b.relmse))))
 }
 
-fn nearness(row: &Row, part: fn(Means) -> f64) -> String {
+fn nearness(row: &Row, part: Measure) -> String {
     format!(
-        "{} reached a relMSE of {:.2e}; the relMSE of the reference itself is {:.2e}, but must be {MARGIN} times smaller and at most {MAX_REFERENCE_RELMSE}",
+        "{} reached a relMSE of {:.2e}; the relMSE of the reference itself is {:.2e}, but must be {MARGIN} times smaller ({MARGIN_OF_BOUNDS} times for bounds) and at most {MAX_REFERENCE_RELMSE}",
         row.variant,
         part(row.relmse),
         part(row.own)

@@ -11,10 +11,28 @@ pub const BLACK_RELMSE: f64 = 1.0;
 /// error by this false brightness.
 pub const MAX_REFERENCE_RELMSE: f64 = 0.02;
 
-/// Whether a result with this `relmse` may be compared with a reference whose own relMSE is `own`. Call it for each of [`Means`]
+/// If the relMSE of a reference is at least this many times smaller than a result, the result is an upper bound of the error.
+pub const MARGIN_OF_BOUNDS: f64 = 5.0;
+
+/// What a relMSE says that was measured with a reference. It contains the error of the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Trust {
+    /// Nothing: the reference is too noisy.
+    Nothing,
+    /// An upper bound: up to a fifth of it is the error of the reference.
+    Bound,
+    /// The error.
+    Full,
+}
+
+/// How far a result with this `relmse` can be trusted, with a reference whose own relMSE is `own`. Call it for each of [`Means`]
 /// separately.
-pub fn is_good(own: f64, relmse: f64) -> bool {
-    own <= MAX_REFERENCE_RELMSE && own * MARGIN <= relmse
+pub fn trust(own: f64, relmse: f64) -> Trust {
+    match own <= MAX_REFERENCE_RELMSE {
+        true if own * MARGIN <= relmse => Trust::Full,
+        true if own * MARGIN_OF_BOUNDS <= relmse => Trust::Bound,
+        _ => Trust::Nothing,
+    }
 }
 
 /// The results for which a reference must be accurate enough, and the time limit of its render.

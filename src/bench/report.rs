@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::case::Entry;
 use super::growth;
 use super::plot;
-use super::quality::MARGIN;
+use super::quality::{MARGIN, MARGIN_OF_BOUNDS, Trust};
 use super::reference::{self, Reference};
 use super::strip::{self, strip};
 use super::suite::Suite;
@@ -97,8 +97,9 @@ fn header(page: &Page) -> String {
             text,
             "relMSE: {RELMSE_FORMULA}. Trimmed relMSE leaves out the worst {:.0} % of the pixels of each image, where a few rare \
              bright samples (in the image or in its reference) dominate. Trimmed relMSE does not show such samples. \
-             \"Reference too noisy\": the error of the reference is too large, or not {MARGIN} times smaller than all errors of the \
-             variant, so the page leaves the number out. FLIP: mean of HDR-FLIP. \"Times lower\": relMSE of the better of bdpt \
+             \"≤\" and \"≥\": the error of the reference is not {MARGIN} times smaller than all errors of the variant, and is part of \
+             them. \"Reference too noisy\": it is too large, or not {MARGIN_OF_BOUNDS} times smaller, so the page leaves the number \
+             out. FLIP: mean of HDR-FLIP. \"Times lower\": relMSE of the better of bdpt \
              and pt divided by relMSE of the variant, in the same repetition. This ratio is left out if both errors are above 1, \
              which is about the relMSE of a black image. Slope: exponent of relMSE (of trimmed relMSE if \
              relMSE is left out) as a power of time; -1 if errors are independent noise.",
@@ -156,12 +157,12 @@ fn against_the_paper(page: &Page) -> String {
     ) + &text
 }
 
-/// Writes the plot of relMSE over all pixels. If the reference is too noisy for a variant, the plot shows trimmed relMSE instead,
-/// for the variants whose trimmed relMSE is reliable. Returns the link to the plot.
+/// Writes the plot of relMSE over all pixels. If one is not fully trusted, the plot shows trimmed relMSE instead, for the variants
+/// whose trimmed relMSE is at least a bound. Returns the link to the plot.
 fn convergence(out: &Path, page: &Page, scene: &str, summaries: &[VariantSummary]) -> Result<String> {
     let rows: Vec<&Row> = page.rows.iter().filter(|row| row.scene == *scene).collect();
-    let over_all = summaries.iter().all(|summary| summary.all.reliable);
-    let shown = summaries.iter().filter(|summary| over_all || summary.trimmed.reliable);
+    let over_all = summaries.iter().all(|summary| summary.all.trust == Trust::Full);
+    let shown = summaries.iter().filter(|summary| over_all || summary.trimmed.trust > Trust::Nothing);
     let part = if over_all { summary::all } else { summary::trimmed };
     let curves: Vec<_> = shown.map(|s| (s.variant.clone(), summary::curve(&rows, &s.variant, part))).collect();
     let measure = if over_all { "relMSE" } else { "trimmed relMSE" };
@@ -258,14 +259,17 @@ fn table(summaries: &[VariantSummary]) -> String {
 }
 
 fn relmse(error: &ErrorSummary) -> String {
-    match error.reliable {
-        true => spread(&error.relmse, &|x| format!("{x:.3e}")),
-        false => "reference too noisy".into(),
+    let shown = spread(&error.relmse, &|x| format!("{x:.3e}"));
+    match error.trust {
+        Trust::Full => shown,
+        Trust::Bound => format!("≤ {shown}"),
+        Trust::Nothing => "reference too noisy".into(),
     }
 }
 
 fn ratio(error: &ErrorSummary) -> String {
-    error.ratio.map_or("-".into(), |ratio| spread(&ratio, &|x| format!("{x:.2}")))
+    let sign = if error.ratio_is_bound { "≥ " } else { "" };
+    error.ratio.map_or("-".into(), |ratio| format!("{sign}{}", spread(&ratio, &|x| format!("{x:.2}"))))
 }
 
 /// The table of a scene, as Markdown, if only costs were measured.

@@ -1,7 +1,7 @@
 //! Summaries of rows: medians over repetitions, ratios within repetitions, and slopes of convergence.
 
 use super::power_law::fit_power_law;
-use super::quality::{BLACK_RELMSE, is_good};
+use super::quality::{BLACK_RELMSE, Trust, trust};
 use super::table::Row;
 use crate::compare::metrics::Means;
 use crate::settings::Estimator;
@@ -38,7 +38,8 @@ pub struct VariantSummary {
     /// relMSE without the worst pixels.
     pub trimmed: ErrorSummary,
     pub flip: Spread,
-    /// Exponent of relMSE as a power of time: -1 for independent samples. Exponent of trimmed relMSE if relMSE is not reliable.
+    /// Exponent of relMSE as a power of time: -1 for independent samples. Exponent of trimmed relMSE if relMSE is not
+    /// fully trusted.
     /// `None` with fewer than two points.
     pub slope: Option<f64>,
     pub light_vertices: f64,
@@ -58,14 +59,15 @@ pub struct ErrorSummary {
     /// relMSE of the best baseline ([`is_baseline`]), divided by relMSE of this variant in the same repetition: above 1 if this
     /// variant is better.
     pub ratio: Option<Spread>,
-    /// Whether the reference is accurate enough for all results of the variant. If not, the numbers measure the error of the
-    /// reference as well.
-    pub reliable: bool,
+    /// Whether the error of the reference makes the ratio smaller than it is.
+    pub ratio_is_bound: bool,
+    /// The least trust in a result of the variant.
+    pub trust: Trust,
 }
 
 impl ErrorSummary {
-    /// `None` without rows. The ratio is `None` if this variant or a baseline is not reliable. It is also `None` if a black image has
-    /// a lower error than both in some repetition.
+    /// `None` without rows. The ratio is `None` if the reference is too noisy for this variant or a baseline. It is also `None` if a
+    /// black image has a lower error than both in some repetition.
     fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<ErrorSummary> {
         let is_baseline = |row: &&&Row| is_baseline(&row.estimator);
         let baseline = |repetition: u32| {
@@ -73,15 +75,22 @@ impl ErrorSummary {
             errors.map(|row| part(row.relmse)).min_by(f64::total_cmp)
         };
         let mine = || ends.iter().filter(|row| row.variant == variant);
-        let good = |row: &&&Row| is_good(part(row.own), part(row.relmse));
-        let reliable = rows.iter().filter(|row| row.variant == variant).all(|row| good(&row));
-        let comparable = reliable && rows.iter().filter(is_baseline).all(|row| good(&row));
+        let of_row = |row: &&Row| trust(part(row.own), part(row.relmse));
+        let trust = rows.iter().filter(|row| row.variant == variant).map(of_row).min()?;
+        let both = rows.iter().filter(is_baseline).map(of_row).fold(trust, Trust::min);
         let pairs = || mine().filter_map(|row| Some((baseline(row.repetition)?, part(row.relmse))));
-        let comparable = comparable && pairs().all(|(baseline, mine)| baseline.min(mine) <= BLACK_RELMSE);
+        let comparable = pairs().all(|(baseline, mine)| baseline.min(mine) <= BLACK_RELMSE)
+            && match both {
+                Trust::Full => true,
+                // The same addend on both errors brings their ratio closer to 1.
+                Trust::Bound => pairs().all(|(baseline, mine)| mine <= baseline),
+                Trust::Nothing => false,
+            };
         Some(ErrorSummary {
             relmse: Spread::of(mine().map(|row| part(row.relmse)))?,
             ratio: Spread::of(pairs().map(|(baseline, mine)| baseline / mine)).filter(|_| comparable),
-            reliable,
+            ratio_is_bound: both == Trust::Bound,
+            trust,
         })
     }
 }
@@ -144,7 +153,7 @@ fn summarise_variant(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<Vari
         all: all_pixels,
         trimmed: trimmed_pixels,
         flip: Spread::of(mine.iter().map(|row| row.flip))?,
-        slope: slope(&curve(rows, variant, if all_pixels.reliable { all } else { trimmed })),
+        slope: slope(&curve(rows, variant, if all_pixels.trust == Trust::Full { all } else { trimmed })),
         light_vertices: median(&|row| row.light_vertices)?,
         queries_per_s: median(&|row| row.queries_per_s)?,
         rays_per_s: median(&|row| row.rays_per_s)?,
@@ -231,13 +240,27 @@ pub(super) mod tests {
         assert_eq!((summaries[0].all.relmse.median, summaries[0].all.relmse.max, summaries[0].dropped), (0.25, 0.5, 3));
         assert_eq!(summaries[0].trimmed.relmse.median, 0.125);
         // Over all pixels the best error, 0.0125, is less than 20 times the error of the reference, 0.001.
-        let reliable: Vec<_> =
-            summaries.iter().map(|s| (s.all.reliable, s.all.ratio.is_some(), s.trimmed.reliable)).collect();
-        assert_eq!(reliable, [(true, true, true), (true, true, true), (false, false, true)]);
-        // No ratio is reported against a baseline whose error is as small as that of its reference.
+        let of = |error: &ErrorSummary| (error.trust, error.ratio.is_some(), error.ratio_is_bound);
+        let full = (Trust::Full, true, false);
+        let found: Vec<_> = summaries.iter().map(|s| (of(&s.all), of(&s.trimmed))).collect();
+        assert_eq!(found, [(full, full), (full, full), ((Trust::Bound, true, true), full)]);
+        // Where the baseline is better, the ratio is no lower bound.
+        let noisy = rows.iter().filter(|row| row.variant != "plain").cloned();
+        let noisy: Vec<Row> = noisy.map(|row| Row { own: Means { all: 0.01, trimmed: 0.0 }, ..row }).collect();
+        let noisy: Vec<Row> = noisy
+            .into_iter()
+            .map(|row| match row.variant.as_str() {
+                "ours" => Row { relmse: Means { all: 20.0 * row.relmse.all, ..row.relmse }, ..row },
+                _ => Row { relmse: Means { all: 0.2 * row.relmse.all, ..row.relmse }, ..row },
+            })
+            .collect();
+        let worse = summarise(&noisy, "s");
+        assert_eq!((worse[1].all.trust, worse[1].all.ratio), (Trust::Full, None));
+        // No ratio is reported for errors as small as that of the reference.
         let poor = rows.iter().cloned().map(|row| Row { own: Means { all: 0.019, trimmed: 0.0 }, ..row });
         let poor = summarise(&poor.collect::<Vec<_>>(), "s");
-        assert!(poor.iter().all(|s| s.all.ratio.is_none() && s.trimmed.ratio.is_some()), "{poor:?}");
+        assert_eq!((poor[2].all.trust, poor[2].all.ratio, poor[2].trimmed.trust), (Trust::Nothing, None, Trust::Full));
+        assert_eq!((poor[0].all.trust, poor[1].all.ratio), (Trust::Bound, None));
         assert!(summarise(&rows, "elsewhere").is_empty());
     }
 

@@ -249,7 +249,12 @@ fn relmse_and_trimmed_relmse_are_refused_separately() {
     let pixel = |by: f32| move |batch: u32, image: &mut [f32]| image[100] += by * if batch == 0 { 1.0 } else { -1.0 };
     rewrite(&reference(here.path()), [1.0, 0.1], 2, pixel(5.0));
     let (text, messages) = succeeds(here.path(), &bench(&["--repetitions", "1"]));
-    assert!(messages.contains("note: the box") && messages.contains("keeps trimmed relMSE"), "{messages}");
+    assert!(
+        messages.contains("note: the box")
+            && messages.contains("relMSE over all pixels, ")
+            && messages.contains("the report leaves it out"),
+        "{messages}"
+    );
     assert!(text.contains("relMSE -  trimmed ") && text.contains("times lower ("), "{text}");
     let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
     assert!(page.contains("| reference too noisy | - |") && page.contains("![trimmed relMSE against time]"), "{page}");

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use taugate::internals::bench::case::{Case, Entry};
-use taugate::internals::bench::quality::{self, ReferenceTarget};
+use taugate::internals::bench::quality::{ReferenceTarget, Trust, trust};
 use taugate::internals::bench::reference::{self, OtherVersion, ReferenceReport};
 use taugate::internals::bench::table::{self, Row};
 use taugate::internals::compare::agreement::Agreement;
@@ -115,7 +115,8 @@ fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Opt
 fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<Means>) -> bool {
     let entry = entries.iter().find(|entry| entry.reference == name).expect("an entry has this reference");
     let found = reference::read(&bench.references, entry).ok().flatten();
-    let (best, good) = (best.unwrap_or(Means::INFINITE), quality::is_good);
+    let best = best.unwrap_or(Means::INFINITE);
+    let good = |own: f64, relmse: f64| trust(own, relmse) == Trust::Full;
     found.is_some_and(|r| r.current && good(r.own.all, best.all) && good(r.own.trimmed, best.trimmed))
 }
 

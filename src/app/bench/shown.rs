@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use taugate::internals::bench::quality::Trust;
 use taugate::internals::bench::summary::{ErrorSummary, VariantSummary};
 
 use crate::app::cli::BenchArgs;
@@ -55,12 +56,14 @@ pub fn text(scene: &str, summaries: &[VariantSummary]) -> String {
 }
 
 fn error(name: &str, summary: &ErrorSummary) -> String {
+    let least = if summary.ratio_is_bound { "at least " } else { "" };
     let ratio = summary
         .ratio
-        .map_or(String::new(), |r| format!(", {:.2} times lower ({:.2} to {:.2})", r.median, r.min, r.max));
-    match summary.reliable {
-        true => format!("{name} {:.3e}{ratio}", summary.relmse.median),
-        false => format!("{name} -"),
+        .map_or(String::new(), |r| format!(", {least}{:.2} times lower ({:.2} to {:.2})", r.median, r.min, r.max));
+    match summary.trust {
+        Trust::Full => format!("{name} {:.3e}{ratio}", summary.relmse.median),
+        Trust::Bound => format!("{name} at most {:.3e}{ratio}", summary.relmse.median),
+        Trust::Nothing => format!("{name} -"),
     }
 }
 
