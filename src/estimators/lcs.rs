@@ -2,15 +2,21 @@
 //! the candidates for one shadow ray. In a histogram over a wide range of travel times, nearly every vertex meets some bin, and
 //! each bin needs connections. So `lcs` draws vertices evenly over travel time there, and traces a shadow ray to each of them.
 
-use super::{COMMON_QUERY_KERNEL, Ellipsoids, Fog, GateWidth, PLAIN, PoolOrder, Record, TreeDefaults};
+use super::{COMMON_QUERY_KERNEL, Conditions, Ellipsoids, Fog, GateWidth, PLAIN, PoolOrder, Record, TreeDefaults};
 use crate::wgsl::layout::constants::{ESTIMATOR_LCS_BY_TIME, MAX_TIME_GROUPS};
 
 pub(super) static RECORD: Record =
     Record { for_histograms: Some(&FOR_HISTOGRAMS), for_thin_gates: Some(&FOR_THIN_GATES), ..GENERAL };
 
+/// Whether `lcs` is the default. With a wide gate or none, nearly all vertices are valid: choosing among them by query costs time and gains
+/// little. Exceptions are thick fog, and beams, whose light no connection to a lamp finds (docs/notebook/default-estimator.md).
+pub(super) fn suits(c: &Conditions) -> bool {
+    c.gate == GateWidth::Narrow || c.fog == Fog::Thick || (c.has_beam && !c.has_several)
+}
+
 const GENERAL: Record = Record {
     name: "lcs",
-    is_default: |c| c.gate == GateWidth::Narrow || c.fog == Fog::Thick,
+    is_default: suits,
     // Queries choose better among fewer vertices (docs/notebook/light-paths.md).
     max_default_light_paths: 8192,
     // A single tree needs half as many queries as two trees. It holds points on emitters and scattered vertices alike

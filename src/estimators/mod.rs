@@ -124,8 +124,10 @@ pub enum Ellipsoids {
 /// Properties of the scene and the gate that the default estimator depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Conditions {
-    /// Width of the gate.
+    /// Width of the gate, or of the gate that decides among several.
     pub gate: GateWidth,
+    /// Whether there are several responses.
+    pub has_several: bool,
     /// Whether glass, a mirror or sharp gloss focuses light.
     pub focuses_light: bool,
     /// Whether the scene has a collimated beam.
@@ -319,9 +321,10 @@ mod tests {
     #[test]
     fn one_estimator_is_the_default_for_any_conditions() {
         for gate in [GateWidth::Narrow, GateWidth::Wide, GateWidth::Open] {
-            for [focuses_light, has_beam] in [[false, false], [false, true], [true, false], [true, true]] {
-                for fog in [Fog::None, Fog::Thin, Fog::Thick] {
-                    let conditions = Conditions { gate, focuses_light, has_beam, fog };
+            for fog in [Fog::None, Fog::Thin, Fog::Thick] {
+                for switches in 0..8 {
+                    let [has_several, focuses_light, has_beam] = [1, 2, 4].map(|bit| switches & bit != 0);
+                    let conditions = Conditions { gate, has_several, focuses_light, has_beam, fog };
                     let is_default = |e: &Estimator| (e.record().is_default)(&conditions);
                     let defaults: Vec<Estimator> = Estimator::ALL.into_iter().filter(is_default).collect();
                     assert_eq!(defaults.len(), 1, "{conditions:?}: {defaults:?}");

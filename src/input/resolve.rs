@@ -67,7 +67,7 @@ pub fn resolve_with(experiment: &Experiment, scene: &Scene, responses: Responses
     warnings.extend(gate_warning.clone());
     let estimator = render.estimator.unwrap_or_else(|| {
         let gate = defaults::decisive(&responses, scene, experiment.scan.is_some());
-        defaults::estimator(gate, scene, &emitters)
+        defaults::estimator(gate, responses.len() > 1, scene, &emitters)
     });
     let mut settings = Settings::builder()
         .table(render)

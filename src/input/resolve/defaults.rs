@@ -15,8 +15,8 @@ pub(super) fn decisive(responses: &Responses, scene: &Scene, is_scan: bool) -> G
     if is_scan || !focuses_light(scene) { responses.widest() } else { responses.support() }
 }
 
-/// The default estimator for this gate, this scene and these emitters.
-pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
+/// The default estimator for this gate, this scene and these emitters. `has_several`: whether there are several responses.
+pub(super) fn estimator(gate: Gate, has_several: bool, scene: &Scene, emitters: &Emitters) -> Estimator {
     let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
     let width = if gate != Gate::OPEN && gate.hi - gate.lo <= WIDE_GATE * size(scene, gate) {
         GateWidth::Narrow
@@ -27,6 +27,7 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
     };
     Estimator::default_for(&Conditions {
         gate: width,
+        has_several,
         focuses_light: focuses_light(scene),
         has_beam: scene.lights.iter().any(is_beam),
         fog: fog(scene, size(scene, gate)),

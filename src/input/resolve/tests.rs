@@ -51,11 +51,8 @@ fn message(toml: &str, scene: &Scene) -> String {
 #[test]
 fn defaults_fill_what_nobody_said() {
     // Without a gate, light-cone queries have no advantage.
-    let s = settings_of("");
-    assert_eq!(
-        (s.estimator(), s.strategies(), s.responses().support()),
-        (Estimator::Bdpt, Strategies::All, Gate::OPEN)
-    );
+    let s = settings_of("emitter.emitters = 'lamp'");
+    assert_eq!((s.estimator(), s.strategies(), s.responses().support()), (Estimator::Pt, Strategies::All, Gate::OPEN));
     assert_eq!((s.queries(), s.leaf_size()), (1, 0));
     let s = settings_of("gate.gate = '1m..2m'\nemitter.emitters = 'beam'");
     assert_eq!(
@@ -81,10 +78,12 @@ fn defaults_fill_what_nobody_said() {
 }
 
 #[test]
-fn wide_gates_are_for_bdpt() {
-    let estimator = |gate: &str| settings_of(&format!("gate.gate = '{gate}'\nemitter.emitters = 'beam'")).estimator();
-    assert_eq!(estimator("1m..2.38m"), Estimator::Lcs);
-    assert_eq!(estimator("1m..2.39m"), Estimator::Bdpt);
+fn wide_gates_are_for_bdpt_except_with_beams() {
+    let estimator =
+        |gate: &str, lamp: &str| settings_of(&format!("gate.gate = '{gate}'\nemitter.emitters = '{lamp}'")).estimator();
+    assert_eq!(estimator("1m..2.38m", "lamp"), Estimator::Lcs);
+    assert_eq!(estimator("1m..2.39m", "lamp"), Estimator::Bdpt);
+    assert_eq!(estimator("1m..2.39m", "beam"), Estimator::Lcs);
     let estimator =
         |gates: &str| settings_of(&format!("gate.gates = '{gates}'\nemitter.emitters = 'beam'")).estimator();
     assert_eq!(estimator("1m..9m/100"), Estimator::Lcs);
@@ -102,7 +101,7 @@ fn without_a_gate_pt_is_for_what_it_sees_well() {
     let estimator = |toml: &str, scene: &Scene| resolve(&experiment(toml), scene).unwrap().settings.estimator();
     assert_eq!(estimator("emitter.emitters = 'lamp'", &scene()), Estimator::Pt);
     assert_eq!(estimator("emitter.emitters = 'lamp'\ngate.gate = '1m..9m'", &scene()), Estimator::Bdpt);
-    assert_eq!(estimator("emitter.emitters = 'beam'", &scene()), Estimator::Bdpt);
+    assert_eq!(estimator("emitter.emitters = 'beam'", &scene()), Estimator::Lcs);
     for (roughness, expected) in [(0.2, Estimator::Bdpt), (0.4, Estimator::Pt)] {
         let mut glossy = scene();
         glossy.materials[0] = Material { metallic: 1.0, roughness, ..glossy.materials[0].clone() };
