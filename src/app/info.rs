@@ -199,6 +199,12 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
         Ok(resolved) => {
             report.warnings.extend(resolved.warnings);
             add_render(&mut report, &scene, &resolved.settings, args, experiment.render.device.as_deref())?;
+            // A scan wants waveforms, and the first light of a LiDAR may be fog before its lens.
+            if let Some(light) =
+                report.render.as_mut().filter(|_| experiment.scan.is_some()).and_then(|r| r.light.as_mut())
+            {
+                light.suggested_gate = None;
+            }
         }
         // The user must change the scene to remove this error. The report still lists the contents.
         Err(Error::Scene { message, .. }) if !needs_render(args) => {

@@ -146,6 +146,10 @@ fn fog_returns_before_the_wall_and_a_detector_adds_noise() {
     let here = folder();
     let here = here.path();
     write_scene(here, false, "4m..42m/380");
+    let about = taugate(here, &["info", "lidar.toml", "--visibility", "40m"]);
+    let about = String::from_utf8(about.stdout).unwrap();
+    // No thin gate is suggested: most light is that of fog before the lens.
+    assert!(about.contains("\nlight ") && !about.contains("\ntry "), "{about}");
     run(here, &["render", "lidar.toml", "--visibility", "40m", "--aov", "depth,object", "-o", "fog.npy", "-q"]);
     run(here, &["lidar", "fog.npy", "-o", "fog-cloud.npy", "--threshold", "0.02"]);
     let cloud = read(&here.join("fog-cloud.npy"));
