@@ -8,6 +8,8 @@ use crate::lidar::write_scene;
 use crate::{folder, taugate};
 
 const KINDS: [&str; 2] = ["hardware", "software"];
+/// Length of the header of a NumPy array in bytes.
+const HEADER: usize = 128;
 
 /// Renders the same with both kinds of rays, to `NAME-hardware...` and `NAME-software...`. Returns whether the device has ray queries.
 fn render(here: &Path, [scene, name]: [&str; 2], flags: &[&str]) -> bool {
@@ -15,7 +17,7 @@ fn render(here: &Path, [scene, name]: [&str; 2], flags: &[&str]) -> bool {
         let common = ["render", scene, "-o", &name.replace('@', rays), "--rays", rays, "--sampling", "uniform", "-q"];
         let output = taugate(here, &[&common, flags].concat());
         let message = String::from_utf8(output.stderr).unwrap();
-        if rays == "hardware" && message.contains("ray queries") {
+        if rays == "hardware" && !output.status.success() && message.contains("ray queries") {
             eprintln!("skipped: {message}");
             return false;
         }
@@ -68,7 +70,9 @@ fn scans_look_alike_with_both_kinds_of_rays() {
         return;
     }
     let [a, b] = KINDS.map(|rays| std::fs::read(here.join(format!("scan-{rays}.npy"))).unwrap());
-    let equal = a.iter().zip(&b).filter(|(a, b)| a == b).count() as f64 / a.len() as f64;
-    assert!(a.len() == b.len() && equal > 0.99, "{equal} of the bytes are equal");
-    assert!(a[128..].iter().any(|&byte| byte != 0));
+    assert_eq!(a.len(), b.len());
+    // Most bins are dark, so only those with light count.
+    let lit: Vec<(&u8, &u8)> = a[HEADER..].iter().zip(&b[HEADER..]).filter(|(a, b)| (**a, **b) != (0, 0)).collect();
+    let equal = lit.iter().filter(|(a, b)| a == b).count() as f64 / lit.len() as f64;
+    assert!(lit.len() > 20 && equal > 0.99, "{equal} of {} bytes are equal", lit.len());
 }
