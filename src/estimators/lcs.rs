@@ -18,7 +18,9 @@ const GENERAL: Record = Record {
     name: "lcs",
     is_default: suits,
     // Queries choose better among fewer vertices (docs/notebook/light-paths.md).
-    max_default_light_paths: 8192,
+    // With several gates, each shade point has several connections. Light vertices that fit into the caches make them cheaper
+    // (docs/notebook/long-histograms.md).
+    max_default_light_paths: |has_several| if has_several { 2048 } else { 8192 },
     // A single tree needs half as many queries as two trees. It holds points on emitters and scattered vertices alike
     // (docs/notebook/single-tree.md).
     trees: Some(TreeDefaults { queries: 16, leaf_size: 16, single: true, by_importance: true }),
@@ -62,8 +64,8 @@ static FOR_HISTOGRAMS: Record = Record {
     time_groups: 1,
     // A query of a tree takes longer than two connections.
     draws_per_query: 2,
-    // Four times this value makes no difference on average, but rare samples become brighter. In fog, a quarter, as with one gate.
-    query_sample_count: |queries, has_media| if has_media { 0.0625 } else { 0.25 } * queries as f32,
+    // Six times this value makes the early gates noisier, and rare samples brighter. A quarter makes all gates noisier.
+    query_sample_count: |queries, has_media| if has_media { 0.0625 } else { 0.125 } * queries as f32,
     splat_sample_weight: 1.0,
     ..GENERAL
 };

@@ -36,8 +36,8 @@ pub struct Record {
     pub name: &'static str,
     /// Whether this estimator is the default under these conditions. Exactly one estimator is, whatever the conditions.
     pub is_default: fn(&Conditions) -> bool,
-    /// Upper bound on the default number of light subpaths per iteration.
-    pub max_default_light_paths: u32,
+    /// Upper bound on the default number of light subpaths per iteration. `has_several`: whether there are several responses.
+    pub max_default_light_paths: fn(has_several: bool) -> u32,
     /// Default of adaptive sampling: whether the sample allocation follows the error of the pixels.
     pub adaptive: bool,
     /// Whether light subpaths continue beyond the emitter, so that the strategies t = 1 and s >= 2 exist. Without these
@@ -88,7 +88,7 @@ pub struct Record {
 const PLAIN: Record = Record {
     name: "",
     is_default: |_| false,
-    max_default_light_paths: 50_000,
+    max_default_light_paths: |_| 50_000,
     adaptive: true,
     light_subpaths: true,
     trees: None,

@@ -70,6 +70,13 @@ fn defaults_fill_what_nobody_said() {
     assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "512x256")), [8192, 50_000, 50_000]);
     assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "96x64")), [6144; 3]);
     assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "32x32")), [4096; 3]);
+    let of_several = |estimator: &str, resolution: &str| {
+        let rest = "gate.gates = '1m..2m/2'\nemitter.emitters = 'beam'";
+        settings_of(&format!("render.estimator = '{estimator}'\ncamera.resolution = '{resolution}'\n{rest}"))
+            .light_paths()
+    };
+    assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| of_several(e, "512x256")), [2048, 50_000, 50_000]);
+    assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| of_several(e, "8x8")), [2048, 4096, 4096]);
     assert_eq!(
         (s.camera(), s.resolution(), s.emitters().clone()),
         (0, [512, 256], Emitters::Nodes(vec!["beam".into()]))

@@ -13,7 +13,8 @@ const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
 /// than the upper bound are not worth their time.
 fn default_light_paths(settings: &Settings) -> u32 {
     let [width, height] = settings.resolution();
-    (width * height).clamp(MIN_DEFAULT_LIGHT_PATHS, settings.estimator().record().max_default_light_paths)
+    let most = (settings.estimator().record().max_default_light_paths)(settings.responses().len() > 1);
+    (width * height).clamp(MIN_DEFAULT_LIGHT_PATHS.min(most), most)
 }
 
 fn traces_light(estimator: Estimator) -> bool {
@@ -46,7 +47,7 @@ table! {
         max_depth: u32 = |_| DEFAULT_MAX_DEPTH, Setting::sampling("max-depth", "N").within(1, MAX_DEPTH).also(Page).also(Info);
 
         /// Light subpaths per iteration whose vertices are stored [default: one per pixel, at least 4096 and at most 50000; lcs:
-        /// at most 8192]
+        /// at most 8192, with several gates 2048]
         light_paths: u32 = default_light_paths, Setting::sampling("light-paths", "N").within(1, MAX_LIGHT_PATHS).also(Page).also(Info);
 
         /// Additional light subpaths per iteration, which only connect to the camera (t = 1); for caustics [default: 0]

@@ -137,15 +137,20 @@ fn every_default_in_help_is_compared() {
         assert!(setting.table == "render" || is_tested(setting.name), "--{}", setting.name);
     }
     assert!(DESCRIBED.iter().all(|name| default_in_help(find(name).unwrap()).is_some()));
-    let most = |estimator: Estimator| estimator.record().max_default_light_paths;
+    let most = |estimator: Estimator, has_several| (estimator.record().max_default_light_paths)(has_several);
     let words = format!(
-        ": one per pixel, at least {MIN_DEFAULT_LIGHT_PATHS} and at most {}; lcs: at most {}",
-        most(Estimator::Bdpt),
-        most(Estimator::Lcs)
+        ": one per pixel, at least {MIN_DEFAULT_LIGHT_PATHS} and at most {}; lcs: at most {}, with several gates {}",
+        most(Estimator::Bdpt, false),
+        most(Estimator::Lcs, false),
+        most(Estimator::Lcs, true)
     );
     assert_eq!(default_in_help(find("light-paths").unwrap()), Some(&*words));
     for estimator in Estimator::ALL.into_iter().filter(|estimator| *estimator != Estimator::Lcs) {
-        assert_eq!(most(estimator), most(Estimator::Bdpt), "{estimator}");
+        assert_eq!(
+            [false, true].map(|several| most(estimator, several)),
+            [most(Estimator::Bdpt, false); 2],
+            "{estimator}"
+        );
     }
     // A response that is given also names its image.
     let shape = |words: &str| {
