@@ -8,6 +8,7 @@ use crate::render::{
 };
 use crate::scene::Scene;
 use crate::settings::Settings;
+use crate::settings::gates::Gates;
 use crate::settings::units::{Gate, METRES_PER_NS};
 
 /// Minimum width of a suggested gate, as a fraction of the diagonal of [`bounds`]. Without triangles: of the time from the 5th to the
@@ -71,7 +72,8 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
         .about("gate");
     }
     let times = probed.map(|probed| &probed.times);
-    let mut message = format!("the {} meets no light: {found}", settings.responses().describe());
+    let meet = if settings.responses().len() > 1 { "meet" } else { "meets" };
+    let mut message = format!("the {} {meet} no light: {found}", settings.responses().describe());
     if let Some((first, last)) = times.and_then(TravelTimes::range) {
         let at = |p| travel(times.and_then(|t| t.percentile(p)).unwrap_or(first));
         message += &format!(
@@ -91,10 +93,21 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
     if let Some(backs) = probed.and_then(|probed| probed.backs.as_ref()) {
         message += &format!("; {backs}");
     }
-    if let Some(gate) = times.and_then(|t| suggestion(t, scene, settings, MEDIAN)) {
-        message += &format!("; try --gate {gate}");
+    if let Some(remedy) = times.and_then(|t| remedy(t, scene, settings)) {
+        message += &format!("; try {remedy}");
     }
     Error::settings(format!("{message} (--force renders anyway)")).about("gate")
+}
+
+/// A flag with a gate that shows light. For a histogram, it has as many gates as in `settings`, and most of the light.
+fn remedy(times: &TravelTimes, scene: &Scene, settings: &Settings) -> Option<String> {
+    match settings.responses().uniform() {
+        Some(gates) => {
+            let gates = Gates::new(times.whole_gate()?, gates.count()).ok()?;
+            resolve::is_fine(&gates.gate(0), scene, settings).then(|| format!("--gates {gates}"))
+        }
+        None => suggestion(times, scene, settings, MEDIAN).map(|gate| format!("--gate {gate}")),
+    }
 }
 
 /// The percentile of the suggested gate.

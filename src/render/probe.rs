@@ -99,13 +99,31 @@ impl TravelTimes {
     /// if no light arrived.
     pub fn gate_at(&self, percent: f64, width: f64) -> Option<Gate> {
         let middle = self.percentile(percent)?;
-        let step = 10f64.powf((width / 4.0).log10().floor());
-        let round = |x: f64| {
-            let digits = (-step.log10()).max(0.0).round() as usize;
-            format!("{:.digits$}", (x / step).round() * step).parse::<f64>().unwrap_or(x)
-        };
+        let step = step(width);
+        let round = |x: f64| multiple((x / step).round(), step);
         Gate::new(round((middle - 0.5 * width).max(0.0)), round(middle + 0.5 * width)).ok()
     }
+
+    /// A gate from the first light to the time by which 95 % of the light has arrived, with ends rounded outwards to a few digits. `None`
+    /// if no light arrived.
+    pub fn whole_gate(&self) -> Option<Gate> {
+        let (first, _) = self.range()?;
+        let last = self.percentile(95.0)?;
+        let step = step((last - first).max(1e-3 * last));
+        Gate::new(multiple((first / step).floor(), step), multiple((last / step).floor() + 1.0, step)).ok()
+    }
+}
+
+/// The power of ten that is at most a quarter of `width`.
+fn step(width: f64) -> f64 {
+    10f64.powf((width / 4.0).log10().floor())
+}
+
+/// `count` times `step`, a power of ten, without the rounding error of the product.
+fn multiple(count: f64, step: f64) -> f64 {
+    let digits = (-step.log10()).max(0.0).round() as usize;
+    let product = count * step;
+    format!("{product:.digits$}").parse::<f64>().unwrap_or(product)
 }
 
 /// Renders a small image of the same crop as `settings`, without a gate and with all strategies, and returns its travel times.
@@ -229,6 +247,7 @@ mod tests {
     fn light_without_a_finite_positive_weight_does_not_count() {
         let t = times(&[(f32::NAN, 1.0), (1.0, 0.0), (1.0, f64::NAN), (-1.0, 1.0), (f32::INFINITY, 1.0), (1.0, -1.0)]);
         assert_eq!((t.range(), t.percentile(50.0), t.gate_at(50.0, 1.0)), (None, None, None));
+        assert_eq!(t.whole_gate(), None);
     }
 
     #[test]
@@ -238,5 +257,13 @@ mod tests {
         assert_eq!(t.gate_at(50.0, 0.3).unwrap().to_string(), "12.31m..12.61m");
         assert_eq!(t.gate_at(50.0, 14.0).unwrap(), Gate { lo: 5.0, hi: 19.0 });
         assert_eq!(t.gate_at(50.0, 100.0).unwrap().lo, 0.0);
+    }
+
+    #[test]
+    fn the_whole_gate_holds_the_first_light_and_most_of_the_rest() {
+        let t = times(&[(4.3456, 1.0), (9.8765, 18.5), (16.3, 0.5)]);
+        assert_eq!(t.whole_gate().unwrap(), Gate { lo: 4.0, hi: 10.0 });
+        let t = times(&[(12.4567, 1.0)]);
+        assert_eq!(t.whole_gate().unwrap().to_string(), "12.456m..12.457m");
     }
 }

@@ -282,7 +282,7 @@ fn light_that_counts_for_no_gate_is_an_error() {
     let two = ["--max-depth", "3", "--response", "a=box:0m..0.1m", "--response", "b=box:40m..300m"];
     for flags in [&two[..], &["--response", "gap.csv"]] {
         let render = [&["render", "box.glb", "-q", "--resolution", "8x6", "--spp", "2", "-o", "a.npy"], flags].concat();
-        fails(here.path(), &render, 2, "meets no light");
+        fails(here.path(), &render, 2, "no light: ");
         assert_eq!(names(here.path()), before);
     }
 }
@@ -353,7 +353,7 @@ fn mistakes_name_the_remedy() {
         (&["--repeat", "20m", "-o", "a.npy"], "add --gate A..B"),
         (&["--gate", "1m..2m", "--repeat", "-3m", "-o", "a.npy"], "like 100m or 400ns"),
         (&["--cw", "20", "--repeat", "20m", "-o", "a.npy"], "cannot be used with"),
-        (&["--gates", "1km..2km/5", "-o", "a.npy"], "meets no light"),
+        (&["--gates", "1km..2km/5", "-o", "a.npy"], "meet no light"),
     ];
     for (flags, part) in table {
         fails(here.path(), &[&["render", "box.glb"], flags].concat(), 2, part);

@@ -113,14 +113,16 @@ fn travel_times_of_the_gated_sphere_are_the_known_ones() {
 fn gates_no_light_can_meet_are_refused_with_the_feasible_range() {
     let here = scene("gated-sphere");
     let small = ["--resolution", "32x32", "--spp", "1"];
-    let refused = |gate: &str, part: &str| {
-        let parts = ["feasible range", "half by", "try --gate", "--force", part];
-        refused(here.path(), &[&small[..], &["--gate", gate]].concat(), 2, &parts);
+    let refused_with = |flags: &[&str], try_this: &str, part: &str| {
+        let parts = ["feasible range", "half by", try_this, "--force", part];
+        refused(here.path(), &[&small[..], flags].concat(), 2, &parts);
     };
+    let refused = |gate: &str, part: &str| refused_with(&["--gate", gate], "try --gate 1", part);
     refused("0.1m..0.5m", "none arrives before 1.9");
     refused("500m..501m", "no path of 24 segments (--max-depth)");
     // This gate is within the bounds, but all light arrives earlier: the program learns this only by rendering.
     refused("80m..80.1m", "no sample fell inside");
+    refused_with(&["--gates", "500m..600m/20"], "try --gates 1", "m depth meet no light: no path of 24 segments");
 }
 
 /// With `--force`, a gate outside the bounds on travel times gives a black image. The renderer traces nothing for it, unless

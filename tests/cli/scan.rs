@@ -168,7 +168,7 @@ fn mistakes_in_a_scan_are_explained() {
         ("beside.toml", &[], "there is no surface there"),
         ("camera.toml", &[], "cannot have a camera"),
         ("lamp.toml", &[], "cannot have lights"),
-        ("late.toml", &["-q"], "meets no light"),
+        ("late.toml", &["-q"], "meet no light"),
         ("gap.toml", &["-q"], "meets no light"),
         ("good.toml", &["--png", "x.png"], "cannot have --png"),
         ("good.toml", &["--frames", "0..2"], "cannot have --frames"),
