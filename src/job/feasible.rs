@@ -104,7 +104,7 @@ fn remedy(times: &TravelTimes, scene: &Scene, settings: &Settings) -> Option<Str
     match settings.responses().uniform() {
         Some(gates) => {
             let gates = Gates::new(times.whole_gate()?, gates.count()).ok()?;
-            resolve::is_fine(&gates.gate(0), scene, settings).then(|| format!("--gates {gates}"))
+            resolve::is_fine(&gates.gate(gates.count() - 1), scene, settings).then(|| format!("--gates {gates}"))
         }
         None => suggestion(times, scene, settings, MEDIAN).map(|gate| format!("--gate {gate}")),
     }

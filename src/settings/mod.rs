@@ -65,7 +65,7 @@ pub const DEFAULT_SPP: u32 = 64;
 /// Default for the maximum number of segments of a path. A white room loses less than 1 % of its light.
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
 /// Minimum of the default for `light_paths` (M of the paper). The default is one light subpath per pixel, clamped to this minimum and
-/// to the maximum in the estimator's record. The lower one of both wins.
+/// to the maximum in the estimator's record, which may be the lower one.
 pub const MIN_DEFAULT_LIGHT_PATHS: u32 = 4096;
 /// Default for B of the paper, the number of power buckets per node.
 pub const DEFAULT_BUCKETS: u32 = 8;
