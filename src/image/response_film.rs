@@ -181,22 +181,24 @@ pub(crate) struct FilmRow<'a> {
 impl FilmRow<'_> {
     /// Adds the light of a response in the present iteration. `rgb` is the mean over the samples of the pixel; `samples` is the
     /// average number of samples per pixel. Call it at most once per iteration for the same response.
+    #[inline]
     pub(crate) fn add(&mut self, response: u32, rgb: [f64; 3], samples: u32) {
         let at = 3 * response as usize;
         let weight = f64::from(samples);
-        for (k, x) in rgb.into_iter().enumerate() {
-            self.sums[at + k] += weight * x;
-            if let Some(square) = self.squares.get_mut(at + k) {
-                *square += weight * x * x;
-            }
+        for (sum, x) in self.sums[at..at + 3].iter_mut().zip(rgb) {
+            *sum += weight * x;
+        }
+        for (square, x) in self.squares.get_mut(at..at + 3).unwrap_or_default().iter_mut().zip(rgb) {
+            *square += weight * x * x;
         }
     }
 
     /// The sums of w x and of w x^2 of a response; without variances, `None` in place of the sums of w x^2.
+    #[inline]
     pub(crate) fn sums_of(&self, response: u32) -> ([f64; 3], Option<[f64; 3]>) {
         let at = 3 * response as usize;
         let three = |values: &[f64]| [values[at], values[at + 1], values[at + 2]];
-        (three(self.sums), (!self.squares.is_empty()).then(|| three(self.squares)))
+        (three(self.sums), if self.squares.is_empty() { None } else { Some(three(self.squares)) })
     }
 
     /// Replaces the sums of a response with those of [`FilmRow::sums_of`].

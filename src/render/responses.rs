@@ -100,7 +100,7 @@ impl ResponseSums {
         self.has_part = true;
         let ResponseSums { film, weights, total, splats, samples, replaced, .. } = self;
         let notes = replaced.take_spare(pixels.len().div_ceil(BLOCK));
-        let runs = arrivals.iter().flat_map(|part| part.chunk_by(|a, b| a.pixel <= b.pixel)).collect();
+        let runs = arrivals.par_iter().flat_map_iter(|part| part.chunk_by(|a, b| a.pixel <= b.pixel)).collect();
         let light = Light { weights, splats, runs, samples: *samples, replaced };
         let mut places = places(film, total, pixels);
         let blocks = places.par_chunks_mut(BLOCK).zip(notes).enumerate();
@@ -168,14 +168,16 @@ impl Light<'_> {
             sums.clear();
             self.splats_of(place.pixel).iter().for_each(|splat| sums.add(self.weights, splat));
             for run in &mut runs {
-                let count = run.iter().take_while(|arrival| arrival.pixel == index).count();
-                let (of_pixel, rest) = run.split_at(count);
-                of_pixel.iter().for_each(|arrival| sums.add(self.weights, arrival));
-                *run = rest;
+                while let Some((arrival, rest)) = run.split_first()
+                    && arrival.pixel == index
+                {
+                    sums.add(self.weights, arrival);
+                    *run = rest;
+                }
             }
             let mut total = [0.0; 3];
             sums.visit(|response, rgb| {
-                (0..3).for_each(|k| total[k] += rgb[k]);
+                total = [total[0] + rgb[0], total[1] + rgb[1], total[2] + rgb[2]];
                 if has_notes {
                     notes.add(place.pixel, response, &place.row);
                 }

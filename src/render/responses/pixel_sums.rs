@@ -21,28 +21,33 @@ impl PixelSums {
     }
 
     /// Adds an arrival to all responses that see it. The order of the arrivals decides the last bits of the sums.
+    #[inline]
     pub fn add<Pixel>(&mut self, weights: &Weights, arrival: &Arrival<Pixel>) {
+        let [red, green, blue] = arrival.rgb;
         weights.visit(arrival.tau, |response, weight| {
-            let term = arrival.rgb.map(|x| f64::from(x) * weight);
+            let term = [f64::from(red) * weight, f64::from(green) * weight, f64::from(blue) * weight];
             let (sum, seen) = (&mut self.sums[response as usize], &mut self.seen[response as usize / 64]);
             let bit = 1 << (response % 64);
             match *seen & bit == 0 {
                 true => *sum = term,
-                false => (0..3).for_each(|k| sum[k] += term[k]),
+                false => *sum = [sum[0] + term[0], sum[1] + term[1], sum[2] + term[2]],
             }
             *seen |= bit;
         });
     }
 
     /// Calls `visit` with each response that sees light, in ascending order, and its sum.
+    #[inline]
     pub fn visit(&self, mut visit: impl FnMut(u32, [f64; 3])) {
-        for (&word, first) in self.seen.iter().zip((0..).step_by(64)) {
+        let mut first = 0;
+        for &word in &self.seen {
             let mut rest = word;
             while rest != 0 {
                 let response = first + rest.trailing_zeros();
                 visit(response, self.sums[response as usize]);
                 rest &= rest - 1;
             }
+            first += 64;
         }
     }
 }

@@ -30,10 +30,13 @@ pub struct Notes {
 
 impl Notes {
     /// Notes the sums of a response, in the `row` of a pixel.
+    #[inline]
     pub fn add(&mut self, pixel: u32, response: u32, row: &FilmRow) {
         let (sums, squares) = row.sums_of(response);
         self.sums.push((pixel, response, sums));
-        self.squares.extend(squares);
+        if let Some(squares) = squares {
+            self.squares.push(squares);
+        }
     }
 }
 

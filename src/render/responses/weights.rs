@@ -47,25 +47,31 @@ impl Weights {
     }
 
     /// Calls `visit` with the index and the weight of every response that sees light of travel time `tau`.
+    #[inline]
     pub fn visit(&self, tau: f32, mut visit: impl FnMut(u32, f64)) {
         // If travel times omit the ways to a wall, rounding or the field of view of a pixel may make them slightly negative.
         let tau = tau.max(0.0);
-        let metres = f64::from(tau) * self.unit;
-        self.supports.visit(metres, |k| {
-            let weight = self.general[k].weight(metres + self.ahead[k]);
-            if weight > 0.0 {
-                visit(k as u32, weight);
-            }
-        });
+        if !self.general.is_empty() {
+            return self.visit_general(f64::from(tau) * self.unit, visit);
+        }
         let contains = |[lo, hi]: [f32; 2]| lo <= tau && tau < hi;
         let Some(lookup) = &self.lookup else {
             let inside = self.boxes.iter().enumerate().filter(|(_, gate)| contains(**gate));
             return inside.for_each(|(k, _)| visit(k as u32, 1.0));
         };
         let begun = lookup.count_begun(&self.boxes, tau);
-        if let Some(k) = begun.checked_sub(1).filter(|&k| contains(self.boxes[k])) {
-            visit(k as u32, 1.0);
+        if begun > 0 && contains(self.boxes[begun - 1]) {
+            visit(begun as u32 - 1, 1.0);
         }
+    }
+
+    fn visit_general(&self, metres: f64, mut visit: impl FnMut(u32, f64)) {
+        self.supports.visit(metres, |k| {
+            let weight = self.general[k].weight(metres + self.ahead[k]);
+            if weight > 0.0 {
+                visit(k as u32, weight);
+            }
+        });
     }
 }
 
@@ -93,15 +99,21 @@ impl BoxLookup {
     }
 
     /// The cell of a travel time. Rounding keeps the order: of two times, the earlier one never has the later cell.
+    #[inline]
     fn cell(&self, tau: f32) -> usize {
         (((tau - self.first) * self.cells_per_unit) as usize).min(self.earlier.len() - 2)
     }
 
     /// Number of `boxes` that begin at or before `tau`.
+    #[inline]
     fn count_begun(&self, boxes: &[[f32; 2]], tau: f32) -> usize {
         let cell = self.cell(tau);
         let [begin, end] = [self.earlier[cell] as usize, self.earlier[cell + 1] as usize];
-        begin + boxes[begin..end].partition_point(|gate| gate[0] <= tau)
+        match &boxes[begin..end] {
+            [] => begin,
+            [gate] => begin + usize::from(gate[0] <= tau),
+            gates => begin + gates.partition_point(|gate| gate[0] <= tau),
+        }
     }
 }
 

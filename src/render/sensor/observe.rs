@@ -111,6 +111,7 @@ impl SensorSubpaths<'_> {
         self.tracer.buffers.observed.with(count, |entries| in_parts(entries, MIN_PART, descents, keep))?
     }
 
+    #[inline]
     fn arrival(&self, entry: &SensorContribution) -> Result<Option<Arrival<IndexInTile>>> {
         let Some((pixel, rgb)) = self.light(entry)? else { return Ok(None) };
         Ok(Some(Arrival { pixel, tau: entry.detail, rgb }))
@@ -136,10 +137,12 @@ impl SensorSubpaths<'_> {
 
     /// The pixel of an entry, and its contribution to the mean of the pixel. `None` for an entry without light, and for a connection for
     /// which no shadow ray was traced. The kernels count values that are not finite as dropped, so they are left out too.
+    #[inline]
     fn light(&self, entry: &SensorContribution) -> Result<Option<(IndexInTile, [f32; 3])>> {
-        let rgb = [entry.red, entry.green, entry.blue];
-        let is_traced = entry.detail > NOT_TRACED;
-        if rgb == [0.0; 3] || !is_traced {
+        let SensorContribution { red, green, blue, detail, .. } = *entry;
+        let is_black = |r: f32, g: f32, b: f32| r == 0.0 && g == 0.0 && b == 0.0;
+        let is_traced = detail > NOT_TRACED;
+        if is_black(red, green, blue) || !is_traced {
             return Ok(None);
         }
         let path = (entry.path & PATH_MASK) as usize;
@@ -147,9 +150,9 @@ impl SensorSubpaths<'_> {
             *self.pixel_indices.get(path).ok_or_else(|| computes_wrongly("it traced a path that does not exist"))?;
         let pixels = self.tile.pixels();
         let share = 1.0 / (pixels[index as usize + 1][1] - pixels[index as usize][1]) as f32;
-        let rgb = rgb.map(|x| x * share);
-        let has_light = rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3];
-        Ok(has_light.then_some((IndexInTile(index), rgb)))
+        let (red, green, blue) = (red * share, green * share, blue * share);
+        let has_light = red.is_finite() && green.is_finite() && blue.is_finite() && !is_black(red, green, blue);
+        Ok(has_light.then_some((IndexInTile(index), [red, green, blue])))
     }
 }
 
@@ -160,8 +163,7 @@ const PATH_MASK: u32 = (1 << PATH_BITS) - 1;
 const MIN_PART: usize = 1 << 15;
 
 /// Calls `keep` with `entries`, in several threads if there are at least `min_part` entries for each of them. Returns the values that it
-/// returns, in the order of the entries, in one part per thread. Fails if the paths descend more than
-/// `descents` times.
+/// returns, in the order of the entries, in one part per thread. Fails if the paths descend more than `descents` times.
 fn in_parts<T: Send>(
     entries: &[SensorContribution],
     min_part: usize,
@@ -169,11 +171,19 @@ fn in_parts<T: Send>(
     keep: &(impl Fn(&SensorContribution) -> Result<Option<T>> + Sync),
 ) -> Result<Vec<Vec<T>>> {
     let read_all = &|part: &[SensorContribution]| -> Result<Vec<T>> {
-        // Later bounces have larger numbers in the high bits of `path`.
-        if part.windows(2).filter(|pair| pair[0].path > pair[1].path).count() > descents {
-            return Err(computes_wrongly("it listed entries out of order"));
+        let (mut found, mut before, mut descended) = (Vec::with_capacity(part.len()), 0, 0);
+        for entry in part {
+            // Later bounces have larger numbers in the high bits of `path`.
+            descended += usize::from(entry.path < before);
+            before = entry.path;
+            if let Some(value) = keep(entry)? {
+                found.push(value);
+            }
         }
-        part.iter().filter_map(|entry| keep(entry).transpose()).collect()
+        match descended > descents {
+            true => Err(computes_wrongly("it listed entries out of order")),
+            false => Ok(found),
+        }
     };
     let threads = rayon::current_num_threads().min(entries.len() / min_part).max(1);
     let mut parts = entries.chunks(entries.len().div_ceil(threads).max(1));
