@@ -135,10 +135,11 @@ impl Renderer {
             if let Some(responses) = responses {
                 stats.timed(stage::SORT_ARRIVALS, || responses.set_splats(splats));
             }
+            let order = stats.timed(stage::RECORD, || sensor.order(plan.crop));
             let sensor = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
             sensor.begin(stop);
             let count = |pixel| plan.sensor_samples(counts.of(offset + pixel));
-            let mut tiles = stats.timed(stage::RECORD, || Tiles::new(plan.crop, &count));
+            let mut tiles = Tiles::new(&order, count);
             stats.timed(stage::WAIT_FOR_LIGHT, || Beside::wait(&beside, Progress::Traced));
             while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(sensor.tile_size())) {
                 let mut subpaths = sensor.start(plan, tile, &pool, stats)?;

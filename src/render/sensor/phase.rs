@@ -3,13 +3,14 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::tiles::Tile;
+use super::tiles::{PixelOrder, Tile};
 use super::*;
 use crate::gpu::Buffer;
 use crate::render::compaction::Compaction;
 use crate::render::device_scene::{DeviceScene, frame_buffer};
 use crate::render::plan::Iteration;
 use crate::render::pool::SortedPool;
+use crate::settings::Crop;
 
 /// The tracer, the pool on the device, and the descriptor sets over both.
 pub struct SensorPhase {
@@ -17,6 +18,8 @@ pub struct SensorPhase {
     compaction: Arc<Compaction>,
     frame: Buffer,
     objects: Option<SensorObjects>,
+    /// That of the last iteration.
+    order: Option<Arc<PixelOrder>>,
 }
 
 /// Everything that sensor tracing needs; the pool of the iteration is on the device.
@@ -28,7 +31,13 @@ pub struct SensorObjects {
 
 impl SensorPhase {
     pub fn new(device: &Device, compaction: Arc<Compaction>) -> Result<SensorPhase> {
-        Ok(SensorPhase { device: device.clone(), compaction, frame: frame_buffer(device)?, objects: None })
+        Ok(SensorPhase { device: device.clone(), compaction, frame: frame_buffer(device)?, objects: None, order: None })
+    }
+
+    /// The order in which the samples of a crop are taken.
+    pub fn order(&mut self, crop: Crop) -> Arc<PixelOrder> {
+        let order = self.order.take().filter(|order| order.crop == crop);
+        self.order.insert(order.unwrap_or_else(|| PixelOrder::new(crop).into())).clone()
     }
 
     /// Uploads the pool and the frame of an iteration. Creates new buffers and descriptor sets if the present ones are too

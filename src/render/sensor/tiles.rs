@@ -61,46 +61,57 @@ impl Tile {
     }
 }
 
-/// Divides the samples of an iteration into tiles. All samples of a pixel are in the same tile.
-pub struct Tiles {
-    /// Each pixel in sample order: its place in the whole film, and its number of samples.
+/// The pixels of a crop in sample order. It is the same in all iterations.
+pub struct PixelOrder {
+    pub crop: Crop,
+    /// Of each pixel, the row-major index in the crop, and the place in the whole film.
     pixels: Vec<[u32; 2]>,
-    /// Number of pixels in earlier tiles.
-    done: usize,
+}
+
+impl PixelOrder {
+    pub fn new(crop: Crop) -> PixelOrder {
+        let at = |position: u32| {
+            let pixel = pixel_at(crop, position);
+            [pixel, film_pixel(crop, pixel)]
+        };
+        let pixels = (0..crop.width() * crop.height()).into_par_iter().with_min_len(1 << 12).map(at).collect();
+        PixelOrder { crop, pixels }
+    }
+}
+
+/// Divides the samples of an iteration into tiles. All samples of a pixel are in the same tile.
+pub struct Tiles<'a, Count> {
+    left: &'a [[u32; 2]],
+    /// Number of samples of a pixel, a row-major index in the crop.
+    count: Count,
     tile: Tile,
 }
 
-impl Tiles {
-    /// `count`: number of samples of a pixel, a row-major index in the crop.
-    pub fn new(crop: Crop, count: &(impl Fn(u32) -> u32 + Sync)) -> Tiles {
-        let at = |position: u32| {
-            let pixel = pixel_at(crop, position);
-            [film_pixel(crop, pixel), count(pixel)]
-        };
-        let pixels = (0..crop.width() * crop.height()).into_par_iter().with_min_len(1 << 12).map(at).collect();
-        Tiles { pixels, done: 0, tile: Tile::default() }
+impl<Count: Fn(u32) -> u32> Tiles<'_, Count> {
+    pub fn new(order: &PixelOrder, count: Count) -> Tiles<'_, Count> {
+        Tiles { left: &order.pixels, count, tile: Tile::default() }
     }
 
     /// The next tile, and whether it is the last one; `None` after the last. A tile holds at most `max` samples, but always at least
     /// one pixel.
     pub fn next(&mut self, max: usize) -> Option<(&Tile, bool)> {
-        let left = &self.pixels[self.done..];
         let listed = &mut self.tile.pixels;
         listed.clear();
         let mut samples = 0;
-        for &[film_pixel, count] in left {
+        for &[pixel, film_pixel] in self.left {
+            let count = (self.count)(pixel);
             if samples > 0 && samples as usize + count as usize > max {
                 break;
             }
             listed.push([film_pixel, samples]);
             samples += count;
         }
-        self.done += listed.len();
+        self.left = &self.left[listed.len()..];
         if listed.is_empty() {
             return None;
         }
         listed.push([0, samples]);
-        Some((&self.tile, self.done == self.pixels.len()))
+        Some((&self.tile, self.left.is_empty()))
     }
 }
 
@@ -154,7 +165,8 @@ mod tests {
         let crop = Crop { x0: 5, y0: 11, x1: 28, y1: 28 };
         let each = SampleCounts::PerPixel((0..23 * 17).map(|i| 1 + (i * i % 7) as u8).collect());
         for (counts, max) in [(SampleCounts::Uniform(1024), 1), (SampleCounts::Uniform(3), 1 << 20), (each, 100)] {
-            let mut tiles = Tiles::new(crop, &|pixel| counts.of(pixel));
+            let order = PixelOrder::new(crop);
+            let mut tiles = Tiles::new(&order, |pixel| counts.of(pixel));
             for _ in 0..3 {
                 let Some((tile, _)) = tiles.next(max) else { break };
                 assert_eq!(listed_by_device(&device, &kernel, tile), tile.samples(), "{max}");
@@ -169,8 +181,9 @@ mod tests {
         for (width, height) in sizes {
             let crop = Crop { x0: 5, y0: 11, x1: 5 + width, y1: 11 + height };
             let each = SampleCounts::PerPixel((0..width * height).map(|i| 1 + (i * i % 7) as u8).collect());
+            let order = PixelOrder::new(crop);
             for (counts, max) in [(SampleCounts::Uniform(3), 100), (each.clone(), 64), (each, 1)] {
-                let mut tiles = Tiles::new(crop, &|pixel| counts.of(pixel));
+                let mut tiles = Tiles::new(&order, |pixel| counts.of(pixel));
                 let mut seen = vec![0; (width * height) as usize];
                 let mut ended = false;
                 while let Some((tile, is_last)) = tiles.next(max) {
