@@ -133,6 +133,7 @@ impl State {
         // Of an exposure, the camera in the middle.
         let view = View::of(&job.ready.scene, settings)?;
         let interrupt = engine::iterate(&mut job, progress)?;
+        job.warn_of_moments();
         let mut warnings: Vec<String> = job.warnings().map(String::from).collect();
         // The image must not be lost with the file.
         if let Err(error) = job.write_checkpoint() {

@@ -204,6 +204,10 @@ impl Session {
             job.check_light()?;
         }
 
+        if let Some(warning) = job.warn_of_moments() {
+            self.progress.line(&format!("warning: {warning}"));
+        }
+
         // Write.
         let renderer = &job.ready.renderer;
         let provenance = Provenance { merged: renderer.merged(), ..Provenance::new(settings, job.seconds(), printed) };

@@ -75,22 +75,34 @@ impl Exposure {
     }
 
     /// A warning if a budget of samples shows so few moments that they can be told apart, or too few for the turns of a heterodyne sensor.
+    /// Of a budget of time, nobody knows before the render; see [`Exposure::warning_after`].
     pub fn warning(&self, budget: Budget) -> Option<String> {
-        let Budget::Spp(spp) = budget else { return None };
-        let moments = Lengths::OfMoments.iterations_of(spp);
+        match budget {
+            Budget::Spp(spp) => self.too_few(spp, Lengths::OfMoments.iterations_of(spp)),
+            Budget::Seconds(_) => None,
+        }
+    }
+
+    /// As [`Exposure::warning`], for a render of `samples` samples per pixel in so many iterations.
+    pub fn warning_after(&self, samples: u64, iterations: u32) -> Option<String> {
+        self.too_few(samples.try_into().unwrap_or(u32::MAX), iterations.max(1))
+    }
+
+    fn too_few(&self, spp: u32, moments: u32) -> Option<String> {
+        let shown = if moments == 1 { "1 moment".into() } else { format!("{moments} moments") };
         let turns = (self.heterodyne * self.duration).abs();
         let needed = MOMENTS_PER_TURN * turns;
         if f64::from(moments) < needed {
             return Some(format!(
-                "the phase of the heterodyne sensor turns {} times while the shutter is open, but {spp} samples per pixel show {moments} \
-                 moments; use at least --spp {}, or a shorter --shutter",
+                "the phase of the heterodyne sensor turns {} times while the shutter is open, but {spp} samples per pixel show {shown}; \
+                 use at least --spp {}, or a shorter --shutter",
                 (turns * 10.0).round() / 10.0,
                 (needed * f64::from(spp.div_ceil(moments))).ceil()
             ));
         }
         (moments < FEW_MOMENTS).then(|| {
             format!(
-                "with {spp} samples per pixel, the exposure shows {moments} moments, which may look like separate images; use at least \
+                "with {spp} samples per pixel, the exposure shows {shown}, which may look like separate images; use at least \
                  --spp {}",
                 FEW_MOMENTS * spp.div_ceil(moments)
             )
@@ -281,6 +293,10 @@ mod tests {
         let many = warning(-1e3, 64);
         assert!(many.contains("turns 20 times") && many.contains("show 32 moments; use at least --spp 160,"), "{many}");
         assert_eq!(warning(-1e3, 160), "");
+        let after = Exposure { heterodyne: -1e3, ..exposure(0.0) }.warning_after(128, 64).unwrap();
+        assert!(after.contains("128 samples per pixel show 64 moments; use at least --spp 160,"), "{after}");
+        assert_eq!(exposure(0.0).warning_after(32, 16), None);
+        assert!(exposure(0.0).warning_after(10, 5).is_some());
     }
 
     #[test]

@@ -136,6 +136,7 @@ impl ReadyJob {
         let end = self.iterate(stop, Abandons::SafeOnes, |step| watch(&step.progress))?;
         self.write_checkpoint()?;
         if matches!(end, End::Complete) {
+            self.warn_of_moments();
             self.check_light()?;
         }
         Ok(end)
@@ -169,6 +170,18 @@ impl ReadyJob {
         };
         self.elapsed = earlier + started.elapsed();
         end
+    }
+
+    /// A new warning if the time of the budget was too short for an exposure. It is then also one of [`ReadyJob::warnings`].
+    #[doc(hidden)]
+    pub fn warn_of_moments(&mut self) -> Option<&str> {
+        let (Budget::Seconds(_), Some(exposure)) = (self.ready.settings.budget(), &self.exposure) else { return None };
+        let warning = exposure.warning_after(self.film().samples(), self.film().iterations())?;
+        if self.warnings.contains(&warning) {
+            return None;
+        }
+        self.warnings.push(warning);
+        self.warnings.last().map(String::as_str)
     }
 
     /// Frees what only a later job needs.

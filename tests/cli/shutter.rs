@@ -31,6 +31,18 @@ fn pixels(here: &Path, name: &str) -> Vec<f32> {
     read_picture(&here.join(name)).unwrap().rgb
 }
 
+/// Nobody knows before a render how many moments fit in a time.
+#[test]
+fn too_short_a_time_is_named_after_the_render() {
+    let folder = folder();
+    let flags =
+        [&["render", "street.glb"], &SMALL[..], &OPEN, &["--time", "1ms", "-o", "s.exr", "--stats", "s.json"]].concat();
+    let message = String::from_utf8(taugate(folder.path(), &flags).stderr).unwrap();
+    let warning = "with 2 samples per pixel, the exposure shows 1 moment, which may look like separate images";
+    assert!(message.contains(&format!("warning: {warning}; use at least --spp 32")), "{message}");
+    assert!(std::fs::read_to_string(folder.path().join("s.json")).unwrap().contains(warning));
+}
+
 /// An exposure that is continued, divided among shards or rendered with two iterations in flight keeps its bits.
 #[test]
 fn an_exposure_goes_on_and_is_divided_like_other_renders() {
