@@ -132,6 +132,8 @@ pub struct Conditions {
     pub focuses_light: bool,
     /// Whether the scene has a collimated beam.
     pub has_beam: bool,
+    /// Whether the scene has a sun or a sky.
+    pub has_distant: bool,
     /// How much the media of the scene scatter.
     pub fog: Fog,
 }
@@ -322,9 +324,10 @@ mod tests {
     fn one_estimator_is_the_default_for_any_conditions() {
         for gate in [GateWidth::Narrow, GateWidth::Wide, GateWidth::Open] {
             for fog in [Fog::None, Fog::Thin, Fog::Thick] {
-                for switches in 0..8 {
-                    let [has_several, focuses_light, has_beam] = [1, 2, 4].map(|bit| switches & bit != 0);
-                    let conditions = Conditions { gate, has_several, focuses_light, has_beam, fog };
+                for switches in 0..16 {
+                    let [has_several, focuses_light, has_beam, has_distant] =
+                        [1, 2, 4, 8].map(|bit| switches & bit != 0);
+                    let conditions = Conditions { gate, has_several, focuses_light, has_beam, has_distant, fog };
                     let is_default = |e: &Estimator| (e.record().is_default)(&conditions);
                     let defaults: Vec<Estimator> = Estimator::ALL.into_iter().filter(is_default).collect();
                     assert_eq!(defaults.len(), 1, "{conditions:?}: {defaults:?}");

@@ -4,10 +4,10 @@
 use super::{Conditions, Fog, GateWidth, PLAIN, PoolOrder, Record};
 use crate::wgsl::layout::constants::ESTIMATOR_PT;
 
-/// Whether `pt` is the default. Without a gate it is the fastest estimator if nothing focuses light, no collimated beam shines, and there
-/// is no fog (docs/notebook/no-gate.md).
+/// Whether `pt` is the default. Without a gate it is the fastest estimator under a sun or a sky, whose light subpaths seldom reach what the
+/// camera sees, if nothing focuses light, no collimated beam shines, and there is no fog (docs/notebook/no-gate.md).
 pub(super) fn suits(c: &Conditions) -> bool {
-    c.gate == GateWidth::Open && c.fog == Fog::None && !c.focuses_light && !c.has_beam
+    c.gate == GateWidth::Open && c.has_distant && c.fog == Fog::None && !c.focuses_light && !c.has_beam
 }
 
 pub(super) static RECORD: Record = Record {

@@ -17,7 +17,7 @@ pub(super) fn decisive(responses: &Responses, scene: &Scene, is_scan: bool) -> G
 
 /// The default estimator for this gate, this scene and these emitters. `has_several`: whether there are several responses.
 pub(super) fn estimator(gate: Gate, has_several: bool, scene: &Scene, emitters: &Emitters) -> Estimator {
-    let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
+    let any = |is: &dyn Fn(&Light) -> bool| scene.lights.iter().any(|light| is(light) && emitters.include(&light.node));
     let width = if gate != Gate::OPEN && gate.hi - gate.lo <= WIDE_GATE * size(scene, gate) {
         GateWidth::Narrow
     } else if gate == Gate::OPEN {
@@ -29,7 +29,8 @@ pub(super) fn estimator(gate: Gate, has_several: bool, scene: &Scene, emitters: 
         gate: width,
         has_several,
         focuses_light: focuses_light(scene),
-        has_beam: scene.lights.iter().any(is_beam),
+        has_beam: any(&|light| light.kind.needs_light_subpaths()),
+        has_distant: any(&|light| light.kind.is_distant()),
         fog: fog(scene, size(scene, gate)),
     })
 }

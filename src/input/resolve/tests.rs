@@ -52,7 +52,10 @@ fn message(toml: &str, scene: &Scene) -> String {
 fn defaults_fill_what_nobody_said() {
     // Without a gate, light-cone queries have no advantage.
     let s = settings_of("emitter.emitters = 'lamp'");
-    assert_eq!((s.estimator(), s.strategies(), s.responses().support()), (Estimator::Pt, Strategies::All, Gate::OPEN));
+    assert_eq!(
+        (s.estimator(), s.strategies(), s.responses().support()),
+        (Estimator::Bdpt, Strategies::All, Gate::OPEN)
+    );
     assert_eq!((s.queries(), s.leaf_size()), (1, 0));
     let s = settings_of("gate.gate = '1m..2m'\nemitter.emitters = 'beam'");
     assert_eq!(
@@ -104,15 +107,16 @@ fn wide_gates_are_for_bdpt_except_with_beams() {
 }
 
 #[test]
-fn without_a_gate_pt_is_for_what_it_sees_well() {
+fn without_a_gate_pt_is_for_a_sun_over_rough_surfaces() {
     let estimator = |toml: &str, scene: &Scene| resolve(&experiment(toml), scene).unwrap().settings.estimator();
-    assert_eq!(estimator("emitter.emitters = 'lamp'", &scene()), Estimator::Pt);
+    assert_eq!(estimator("emitter.emitters = 'sun'", &scene()), Estimator::Pt);
+    assert_eq!(estimator("emitter.emitters = 'lamp'", &scene()), Estimator::Bdpt);
     assert_eq!(estimator("emitter.emitters = 'lamp'\ngate.gate = '1m..9m'", &scene()), Estimator::Bdpt);
     assert_eq!(estimator("emitter.emitters = 'beam'", &scene()), Estimator::Lcs);
     for (roughness, expected) in [(0.2, Estimator::Bdpt), (0.4, Estimator::Pt)] {
         let mut glossy = scene();
         glossy.materials[0] = Material { metallic: 1.0, roughness, ..glossy.materials[0].clone() };
-        assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
+        assert_eq!(estimator("emitter.emitters = 'sun'", &glossy), expected);
     }
     // The mean of the texture's green channel multiplies the roughness.
     for (green, expected) in [([0, 255], Estimator::Pt), ([0, 102], Estimator::Bdpt)] {
@@ -121,11 +125,11 @@ fn without_a_gate_pt_is_for_what_it_sees_well() {
         let texture = Some(glossy.add_texture(Image { width: 2, height: 1, rgba }));
         glossy.materials[0] =
             Material { metallic: 1.0, roughness: 0.9, surface_texture: texture, ..glossy.materials[0].clone() };
-        assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
+        assert_eq!(estimator("emitter.emitters = 'sun'", &glossy), expected);
         let coated = diffuse("", [1.0; 3]);
         glossy.materials[0] =
             Material { clearcoat: 1.0, clearcoat_roughness: 0.9, clearcoat_roughness_texture: texture, ..coated };
-        assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
+        assert_eq!(estimator("emitter.emitters = 'sun'", &glossy), expected);
     }
 }
 
@@ -421,7 +425,7 @@ fn the_default_estimator_depends_on_the_fog() {
     };
     let steady = "emitter.emitters = 'lamp'";
     let wide = format!("{steady}\ngate.gate = '0m..{}m'", 0.9 * diagonal);
-    assert_eq!([0.0, 2.9, 3.1].map(|x| of(x / diagonal, steady)), [Estimator::Pt, Estimator::Bdpt, Estimator::Lcs]);
+    assert_eq!([0.0, 2.9, 3.1].map(|x| of(x / diagonal, steady)), [Estimator::Bdpt, Estimator::Bdpt, Estimator::Lcs]);
     assert_eq!([0.0, 2.9, 3.1].map(|x| of(x / diagonal, &wide)), [Estimator::Bdpt, Estimator::Bdpt, Estimator::Lcs]);
 }
 
@@ -438,5 +442,5 @@ fn fog_without_surfaces_is_as_thick_as_the_gate_is_late() {
     let wide = "gate.gate = '0m..10m'";
     assert_eq!([0.29, 0.31].map(|sigma| of(sigma, wide)), [Estimator::Bdpt, Estimator::Lcs]);
     assert_eq!([0.01, 0.31].map(|sigma| of(sigma, "gate.gate = '7m..10m'")), [Estimator::Lcs, Estimator::Lcs]);
-    assert_eq!([0.0, 0.01].map(|sigma| of(sigma, "")), [Estimator::Pt, Estimator::Lcs]);
+    assert_eq!([0.0, 0.01].map(|sigma| of(sigma, "")), [Estimator::Bdpt, Estimator::Lcs]);
 }
