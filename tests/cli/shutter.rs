@@ -36,7 +36,8 @@ fn pixels(here: &Path, name: &str) -> Vec<f32> {
 fn too_short_a_time_is_named_after_the_render() {
     let folder = folder();
     let flags =
-        [&["render", "street.glb"], &SMALL[..], &OPEN, &["--time", "1ms", "-o", "s.exr", "--stats", "s.json"]].concat();
+        [&["render", "street.glb"], &SMALL[..], &OPEN, &["--time", "0.001ms", "-o", "s.exr", "--stats", "s.json"]]
+            .concat();
     let message = String::from_utf8(taugate(folder.path(), &flags).stderr).unwrap();
     let warning = "with 2 samples per pixel, the exposure shows 1 moment, which may look like separate images";
     assert!(message.contains(&format!("warning: {warning}; use at least --spp 32")), "{message}");

@@ -81,6 +81,7 @@ impl PixelOrder {
 
 /// Divides the samples of an iteration into tiles. All samples of a pixel are in the same tile.
 pub struct Tiles<'a, Count> {
+    /// The pixels of later tiles, see [`PixelOrder`].
     left: &'a [[u32; 2]],
     /// Number of samples of a pixel, a row-major index in the crop.
     count: Count,

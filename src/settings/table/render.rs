@@ -26,8 +26,8 @@ table! {
     impl Settings for RenderTable = "render" {
         /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), epc (ellipsoidal path connections), lcs-paper (light-cone
         /// shell queries of the paper), lcs (light-cone shell queries with importance and resampling) [default: lcs for gates up to 0.4
-        /// times the scene's diagonal, in thick fog, and with a beam and at most one gate; otherwise bdpt, but pt without a gate
-        /// under a sun or a sky, if the scene has no mirrors, glass, sharp gloss or fog]
+        /// times the scene's diagonal, in thick fog, and with a beam and at most one gate; otherwise bdpt; without a gate
+        /// pt under a sun or a sky, unless there are mirrors, glass, sharp gloss or fog]
         estimator: Estimator, Setting::sampling("estimator", "NAME").also(Page);
 
         /// Strategies (s, t) that connect subpaths: all, or paper (s >= 1 and t >= 2: no sensor path that hits an emitter, no
