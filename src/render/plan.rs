@@ -100,8 +100,11 @@ pub struct Plan {
     pub bvh_parts: Vec<u32>,
     /// Values of the WGSL `override` constants that depend on the media.
     media_constants: [(&'static str, f64); 10],
+    /// The part of the image that is rendered next, and the number of its pixels.
     pub crop: Crop,
     pub crop_pixels: u64,
+    /// Number of pixels of the largest such part: the crop that the plan was made for.
+    pub image_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.
     pub traces_light: bool,
     /// Whether light vertices are connected to the sensor (t = 1).
@@ -169,6 +172,7 @@ impl Plan {
             frame.keep_t1 = 0.0;
         }
         let emitter_count = frame.emitter_count;
+        let pixels = u64::from(settings.crop().width()) * u64::from(settings.crop().height());
         let observe = if settings.responses().is_single_box() { Observe::Nothing } else { Observe::Responses };
         let mut plan = Plan {
             hardware_rays: traces_by_hardware(settings.rays(), quirks.rays)?,
@@ -206,7 +210,8 @@ impl Plan {
             },
             media_constants: prepared.media.constants(features.transmission),
             crop: settings.crop(),
-            crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
+            crop_pixels: pixels,
+            image_pixels: pixels,
             traces_light,
             splats: traces_light && all && !is_aimed,
             merging: photons::merges(scene, settings, prepared).then(|| Merging::new(settings, prepared)),

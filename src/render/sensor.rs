@@ -148,7 +148,7 @@ impl SensorTracer {
         };
         // Every slot may hold a live candidate, and one dispatch over the candidates must not exceed the limit on workgroups.
         let by_groups = u64::from(MIN_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
-        let all = plan.crop_pixels * u64::from(plan.sensor_samples(plan.max_samples()));
+        let all = plan.image_pixels * u64::from(plan.sensor_samples(plan.max_samples()));
         let of_a_pixel = plan.sensor_samples(MAX_SAMPLES_PER_PIXEL.max(plan.max_samples()));
         let fitting = by_vertices.min(by_slots).min(by_observed).min(by_groups);
         wanted.min(fitting).min(all).max(of_a_pixel.into()) as usize

@@ -85,14 +85,14 @@ impl<A: Allocate> Buffers<A> {
             arguments: to.buffer(words("dispatch arguments", ARGUMENTS))?,
             film: to.read_back(BufferDesc::of::<[f32; 4]>(
                 "film pixels",
-                plan.crop_pixels as usize,
+                plan.image_pixels as usize,
                 "use a smaller --resolution, or --crop",
             ))?,
             merged_film: to.read_back_if(
                 plan.merging.is_some(),
                 BufferDesc::of::<f32>(
                     "merged light of pixels",
-                    if plan.merging.is_some() { plan.crop_pixels as usize } else { 1 },
+                    if plan.merging.is_some() { plan.image_pixels as usize } else { 1 },
                     "use a smaller --resolution, or --merge off",
                 ),
             )?,
