@@ -54,8 +54,7 @@ fn average(pixel: vec2<u32>, end: u32) {
     if (SPLITS_AT_SHEETS) {
         squares = squares_of_pairs(first, end - first);
     }
-    let p = vec2<u32>(pixel.x & 0xffffu, pixel.x >> 16u) - vec2<u32>(frame.crop_x, frame.crop_y);
-    let index = p.y * frame.crop_width + p.x;
+    let index = crop_index(pixel.x);
     film[index] = vec4<f32>(sum / f32(end - first), squares);
     if (MERGES) {
         merged_film[index] = merged / f32(end - first);

@@ -76,12 +76,7 @@ pub fn check_memory(before: Option<&Ready>, settings: &Settings, has_variance: b
     }
     let pixels = u64::from(crop.width()) * u64::from(crop.height());
     let needed = ResponseFilm::bytes(pixels, count as u64, has_variance).saturating_mul(2);
-    let held = before.map_or(0, |Ready { renderer, .. }| {
-        let bytes = |film: &ResponseFilm| {
-            ResponseFilm::bytes(film.pixels() as u64, film.responses() as u64, renderer.has_response_variance())
-        };
-        renderer.responses().map_or(0, bytes)
-    });
+    let held = before.map_or(0, |Ready { renderer, .. }| renderer.response_bytes());
     let what = format!("a histogram of {count} gates of {}x{} pixels", crop.width(), crop.height());
     memory::check_bytes(
         needed.saturating_sub(held),

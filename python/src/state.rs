@@ -148,7 +148,7 @@ impl State {
         let sums = Accumulation {
             about: renderer.about(&about, seconds),
             film: renderer.film().clone(),
-            responses: renderer.responses().cloned(),
+            responses: renderer.responses()?.cloned(),
             adaptive: None,
             layers: Layers::default(),
         };

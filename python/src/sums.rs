@@ -151,7 +151,7 @@ pub fn accumulate<'py>(
             iterations::run(renderer, Schedule::Part { numbers: begin..end, spp })?;
             let description = about(settings, config, contents)?;
             let about = renderer.about(&description, started.elapsed().as_secs_f64());
-            let (film, responses) = (renderer.film(), renderer.responses());
+            let (film, responses) = (renderer.film(), renderer.responses()?);
             // Each part adapts by itself, so no other part needs the state of its adaptive sampling.
             let bytes = bytes(Parts { about: &about, film, responses, adaptive: None, layers: &Layers::default() })?;
             Ok((bytes, renderer.stats().dropped))

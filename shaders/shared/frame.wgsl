@@ -113,18 +113,19 @@ struct Frame {
 struct Dispatch {
     // Light subpaths and photons: number of the batch's first path within the iteration. First surfaces: number of the first pixel.
     // Ellipsoids of epc: index of the first part of the BVH. Sensor subpaths: number of entries that the host has already read of those
-    // in `observed` (observed.wgsl).
+    // in `observed` (observed.wgsl), or NONE. `add_arrivals`: index in the film of the first pixel of the crop.
     first: u32,
     // Number of threads that have work, where the host knows this number. Ellipsoids of epc: number of parts of the BVH.
     count: u32,
     bounce: u32,
-    // Index into `counters` of the length of the kernel's input list.
+    // Index into `counters` of the length of the kernel's input list. `add_responses`: 0 if there are no squares.
     counter: u32,
     // Compaction: indices into `counters` of the lengths of the two output lists. `list_b` is NONE if there is one output
-    // list, which then holds the numbers of the entries themselves.
+    // list, which then holds the numbers of the entries themselves. Images of responses: `list_a` is the number of responses.
     list_a: u32,
     list_b: u32,
-    // First entry of the input list that this dispatch processes. `resolve`: number of pixels of the tile.
+    // First entry of the input list that this dispatch processes. `resolve`: number of pixels of the tile. `add_arrivals`: number of
+    // entries per element of the list. `add_responses`: samples per pixel.
     rank: u32,
     // Light subpaths: NONE if each path samples its emitter. Otherwise the host fixes the emitters: the first path starts
     // from this one, each further path from the next one, and the paths yield their deterministic vertices only.

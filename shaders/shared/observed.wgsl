@@ -2,6 +2,7 @@
 // without light. Each shade point has MERGED_ENTRIES more for the light of photons. So an entry's place is known from the lengths of lists:
 // bounce by bounce, first the traced paths, then the candidates, then the shade points.
 #import frame
+#import math
 
 // One entry.
 struct SensorContribution {
@@ -32,9 +33,10 @@ const CANDIDATE_LIST: u32 = 3u;
 // OBSERVE_RESPONSES.
 override MERGED_ENTRIES: u32 = 0u;
 
-// The entry after those of so many traced paths, candidates and shade points.
+// The entry after those of so many traced paths, candidates and shade points. If `dispatch.first` is NONE, the device itself uses the
+// entries of each list before the next list is written (add_arrivals.wgsl), so each list begins at 0.
 fn entry_after(traced: u32, candidates: u32, shade_points: u32) -> u32 {
-    return traced + candidates + MERGED_ENTRIES * shade_points - dispatch.first;
+    return select(traced + candidates + MERGED_ENTRIES * shade_points - dispatch.first, 0u, dispatch.first == NONE);
 }
 
 // Writes an entry. `light`: radiance, and the detail.

@@ -42,6 +42,12 @@ fn passing_samples(count: u32) -> u32 {
     return select(count, 4u * count / 5u, SPLITS_AT_SHEETS);
 }
 
+// Row-major index in the crop of a pixel with column and row in the whole film as in `tile_samples`.
+fn crop_index(pixel: u32) -> u32 {
+    let p = vec2<u32>(pixel & 0xffffu, pixel >> 16u) - vec2<u32>(frame.crop_x, frame.crop_y);
+    return p.y * frame.crop_width + p.x;
+}
+
 // Number of samples that the pixel of sample `slot` has in this iteration.
 fn samples_of_pixel(slot: u32) -> u32 {
     return tile_samples[slot].y >> 16u;

@@ -45,7 +45,9 @@ impl Live<'_> {
 /// The channels of a render so far, under a name.
 pub fn snapshot(name: &str, responses: &Responses, renderer: &Renderer) -> Snapshot {
     let film = renderer.film();
-    let groups = channels::of_render(film, renderer.responses(), responses, MAX_RESPONSES, None);
+    // If the device is lost, the next iteration says so.
+    let images = renderer.responses().ok().flatten();
+    let groups = channels::of_render(film, images, responses, MAX_RESPONSES, None);
     Snapshot { name: name.into(), width: film.width(), height: film.height(), groups }
 }
 

@@ -111,7 +111,7 @@ impl Session {
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Measure before the earlier sums are read, and count the images of the previous frame as free. The images of this render
         // take the place of both.
-        let free = memory::free_without(self.ready.as_ref().and_then(|ready| ready.renderer.responses()));
+        let free = memory::free_without(self.ready.as_ref().map_or(0, |ready| ready.renderer.response_bytes()));
         let mut sums = SumFiles::open(experiment.output.resume.as_deref(), outputs.checkpoint.as_ref())?;
         // There is no result to keep yet.
         self.interrupts.end_the_process_at(Interrupt::First);

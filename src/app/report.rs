@@ -94,16 +94,17 @@ impl Report<'_> {
         Position::of(self.renderer, Duration::from_secs_f64(self.seconds), self.before)
     }
 
-    fn images(&self) -> Images<'_> {
+    /// Fails if the device has the images of several gates and is lost.
+    fn images(&self) -> Result<Images<'_>> {
         let Report { renderer, provenance, layers, .. } = self;
-        Images { film: renderer.film(), responses: renderer.responses(), provenance, layers }
+        Ok(Images { film: renderer.film(), responses: renderer.responses()?, provenance, layers })
     }
 
     /// Writes all files; `sums` writes the file of sums. A file that cannot be written is saved elsewhere if possible, and the error
     /// says where.
     pub fn write(&self, outputs: &Outputs, sums: impl Fn(&Path) -> Result<()>) -> anyhow::Result<()> {
         let mut rescue = Rescue::default();
-        self.images().write(outputs, &mut rescue);
+        self.images()?.write(outputs, &mut rescue);
         for path in outputs.sums() {
             rescue.write(path, |path| sums(path));
         }
@@ -179,7 +180,8 @@ impl Report<'_> {
             duration(self.provenance.seconds),
             rays(self.position().rays_per_second()),
         ));
-        if let Some(line) = self.images().describe_exposure(outputs).filter(|_| !self.is_frame) {
+        let images = self.images().ok().filter(|_| !self.is_frame);
+        if let Some(line) = images.and_then(|images| images.describe_exposure(outputs)) {
             progress.line(&line);
         }
         let (mean, error) = film.image_mean();

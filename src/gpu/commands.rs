@@ -86,7 +86,7 @@ impl Commands {
         first.push(self.finish()?);
         let submit = [vk::SubmitInfo::default().command_buffers(&first)];
         let shared = &self.shared;
-        if shared.waits.load(Ordering::Relaxed) >= shared.lost_after {
+        if shared.waits.load(Ordering::Relaxed) >= shared.lost_after.load(Ordering::Relaxed) {
             return Err(shared.error("waiting for the device", vk::Result::ERROR_DEVICE_LOST));
         }
         // SAFETY: the command buffers are complete, and the lock makes this the queue's only user. The last submit has ended, so

@@ -93,6 +93,12 @@ impl Device {
         self.shared.allocations.load(Ordering::Relaxed)
     }
 
+    /// Counts as lost from the next submit on.
+    #[cfg(test)]
+    pub fn lose(&self) {
+        self.shared.lost_after.store(0, Ordering::Relaxed);
+    }
+
     pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {
         // A poisoned lock is no problem: a panic of another thread leaves only complete copies in the staging memory.
         self.staging.lock().unwrap_or_else(PoisonError::into_inner)
@@ -146,7 +152,11 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         extensions.extend(acceleration::EXTENSIONS.map(std::ffi::CStr::as_ptr));
     }
     let mut features = RayFeatures::all();
-    let mut create = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+    let used = vk::PhysicalDeviceFeatures::default().shader_float64(info.has_f64);
+    let mut create = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .enabled_features(&used);
     if has_rays {
         create = features.enable(create);
     }
@@ -172,7 +182,7 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         rays,
         bytes: AtomicU64::new(0),
         waits: AtomicU64::new(0),
-        lost_after,
+        lost_after: lost_after.into(),
         is_lost: AtomicBool::new(false),
         allocations: AtomicU64::new(0),
         _instance: instance,

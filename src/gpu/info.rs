@@ -47,6 +47,8 @@ pub struct DeviceInfo {
     /// Maximum numbers of buffers that a kernel may bind.
     #[doc(hidden)]
     pub max_buffers: BufferCounts,
+    /// Whether kernels may compute with 64-bit floating-point numbers.
+    pub has_f64: bool,
     /// Number of invocations in a subgroup.
     pub subgroup_size: u32,
     /// Maximum number of invocations in a workgroup.
@@ -92,6 +94,7 @@ impl DeviceInfo {
             max_texels: u64::MAX,
             max_allocation: u64::MAX,
             max_buffers: BufferCounts::UNLIMITED,
+            has_f64: false,
             subgroup_size: 0,
             max_workgroup_invocations: 0,
             quirks: Quirks::NONE,
@@ -161,9 +164,9 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         .push_next(&mut maintenance)
         .push_next(&mut subgroup);
     // SAFETY: the chain lives until the call returns; `physical` belongs to `instance`.
-    let memory = unsafe {
+    let (memory, features) = unsafe {
         instance.get_physical_device_properties2(physical, &mut properties);
-        instance.get_physical_device_memory_properties(physical)
+        (instance.get_physical_device_memory_properties(physical), instance.get_physical_device_features(physical))
     };
     // SAFETY: as above.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
@@ -194,6 +197,7 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         vk::PhysicalDeviceType::CPU => DeviceKind::Software,
         _ => DeviceKind::Other,
     };
+    let has_f64 = features.shader_float64 == vk::TRUE;
     let has_rays = p.api_version >= vk::API_VERSION_1_2 && acceleration::is_offered(instance, physical);
     let rays = match kind {
         _ if !has_rays => RaySupport::Absent,
@@ -217,6 +221,7 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         max_texels: p.limits.max_texel_buffer_elements.into(),
         max_allocation: maintenance.max_memory_allocation_size,
         max_buffers,
+        has_f64,
         subgroup_size: subgroup.subgroup_size,
         max_workgroup_invocations: p.limits.max_compute_work_group_invocations,
         quirks: Quirks { rays, ..Quirks::of(driver.driver_id) },

@@ -26,7 +26,7 @@ struct Compiled {
     variants: Mutex<Vec<Arc<Pipeline>>>,
 }
 
-/// Maximum number of kernels that a device keeps. A renderer has at most 17.
+/// Maximum number of kernels that a device keeps. A renderer has at most 23.
 const MAX_KEPT: usize = 128;
 
 /// The kernels that a device compiled last; the most recently used one is at the end.

@@ -96,7 +96,7 @@ impl Composed {
     }
 }
 
-const CAPABILITIES: Capabilities = Capabilities::IMMEDIATES.union(Capabilities::RAY_QUERY);
+const CAPABILITIES: Capabilities = Capabilities::IMMEDIATES.union(Capabilities::RAY_QUERY).union(Capabilities::FLOAT64);
 
 /// Name of the constant that selects the module `ray_query` instead of `traverse`, if its value is 1.
 pub const HARDWARE_RAYS: &str = "HARDWARE_RAYS";

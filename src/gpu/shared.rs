@@ -32,7 +32,7 @@ pub(super) struct Shared {
     /// Number of times that the host has waited for the device.
     pub waits: AtomicU64,
     /// The device counts as lost when the host has waited this often; see [`lost_after`].
-    pub lost_after: u64,
+    pub lost_after: AtomicU64,
     /// Whether a call has found the device lost. It then stays lost.
     pub is_lost: AtomicBool,
     /// Number of memory allocations.

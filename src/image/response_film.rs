@@ -84,8 +84,19 @@ impl ResponseFilm {
     }
 
     /// The sums of w x and of w x^2, indexed by pixel, response and channel. Without variances, the sums of w x^2 are empty.
-    pub(super) fn sums(&self) -> [&[f64]; 2] {
+    pub(crate) fn sums(&self) -> [&[f64]; 2] {
         [&self.sums, &self.squares]
+    }
+
+    /// Samples per pixel, and number of iterations.
+    pub(crate) fn length(&self) -> (u64, u32) {
+        (self.samples, self.iterations)
+    }
+
+    /// The sums of [`ResponseFilm::sums`], which the caller replaces by those of a film of this length.
+    pub(crate) fn replace(&mut self, (samples, iterations): (u64, u32)) -> [&mut [f64]; 2] {
+        (self.samples, self.iterations) = (samples, iterations);
+        [&mut self.sums, &mut self.squares]
     }
 
     /// The film with the sums of [`ResponseFilm::sums`], of `iterations` iterations with `samples` samples per pixel together.

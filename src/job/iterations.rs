@@ -23,7 +23,7 @@ pub struct Iterations<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Abandons {
     All,
-    /// None of a render of several or shaped responses, because this may clear their images.
+    /// None that may clear the images of several or shaped responses.
     SafeOnes,
     /// As `SafeOnes`, and not the first iteration, because there is no image before it.
     LaterOnes,
@@ -87,8 +87,8 @@ impl Iterations<'_> {
             let has_samples = renderer.rendered().samples > 0;
             let may_abandon = match self.abandons {
                 Abandons::All => true,
-                Abandons::SafeOnes => !renderer.has_responses(),
-                Abandons::LaterOnes => !renderer.has_responses() && has_samples,
+                Abandons::SafeOnes => !renderer.may_lose_images(),
+                Abandons::LaterOnes => !renderer.may_lose_images() && has_samples,
             };
             match of.iterate(samples, if may_abandon { self.stop } else { &never }) {
                 Ok(true) if is_bad(of.renderer()) => break,

@@ -215,7 +215,7 @@ impl Job {
     /// As [`Job::prepare`], for one job of a series. `before`: the job that this function has prepared last. Its renderer is taken over
     /// if only cameras, lights, positions of moving surfaces, gates or the seed differ. The image has the same bits in both cases. The scene stays in the memory of the host for the next job.
     pub fn prepare_after(self, before: Option<ReadyJob>, device: &Device) -> Result<ReadyJob> {
-        let free = memory::free_without(before.as_ref().and_then(ReadyJob::responses));
+        let free = memory::free_without(before.as_ref().map_or(0, |before| before.ready.renderer.response_bytes()));
         // As for an image file, which has variances.
         memory::check(self.settings(), memory::ImageParts { variance: true, exr: true }, free)?;
         let before = before.map(|job| job.ready);

@@ -139,7 +139,7 @@ impl Ready {
             if !(has_same_objects && prepared.follow_surfaces_in(&scene, settings, space)?) {
                 *prepared = PreparedScene::in_space(&scene, settings, |_| space)?;
             }
-            renderer.go_on_in(Renderer::from_prepared(renderer.device(), &scene, settings, prepared)?);
+            renderer.go_on_in(Renderer::from_prepared(renderer.device(), &scene, settings, prepared)?)?;
         }
         self.scene = scene;
         Ok(())

@@ -223,8 +223,8 @@ impl ReadyJob {
     }
 
     /// The images of the responses so far, with their variances; `None` if there is one response, whose image is
-    /// [`ReadyJob::film`].
-    pub fn responses(&self) -> Option<&ResponseFilm> {
+    /// [`ReadyJob::film`]. A graphics card may keep these images. Then this copies them to the host, and fails if the card is lost.
+    pub fn responses(&self) -> Result<Option<&ResponseFilm>> {
         self.ready.renderer.responses()
     }
 
@@ -244,6 +244,6 @@ impl ReadyJob {
         let merged = self.ready.renderer.merged();
         let provenance =
             Provenance { merged, ..Provenance::new(&self.ready.settings, self.seconds(), self.config.to_toml()) };
-        exr_file::write_responses(path, self.film(), self.responses(), &provenance, &self.layers)
+        exr_file::write_responses(path, self.film(), self.responses()?, &provenance, &self.layers)
     }
 }

@@ -67,7 +67,7 @@ impl Identity {
     pub fn write(&self, path: &Path, renderer: &Renderer, layers: &Layers, seconds: f64) -> Result<()> {
         let about = renderer.about(&self.0, seconds);
         let adaptive = renderer.adaptive_state();
-        let (film, responses) = (renderer.film(), renderer.responses());
+        let (film, responses) = (renderer.film(), renderer.responses()?);
         file::write(path, Parts { about: &about, film, responses, adaptive: adaptive.as_ref(), layers })
     }
 }

@@ -10,7 +10,7 @@ use super::contribution::Contribution;
 use super::light_phase::{Beside, Progress};
 use super::parts::Part;
 use super::plan::{Iteration, Observe};
-use super::responses::Arrival;
+use super::responses::{Arrival, ResponseImages};
 use super::samples::{Allocation, SampleCounts};
 use super::schedule::{Following, Planned};
 use super::sensor::Tiles;
@@ -27,7 +27,8 @@ impl Renderer {
     /// `samples` samples per pixel: in every pixel, or on average if the sampling is adaptive. `samples` is 1 to 16. With aimed camera
     /// rays and uniform sampling it is 1 to 1024. Fails if it is out of range or if a buffer does not fit the device. Also fails if the
     /// device is lost, or if its counts contradict each other. After an error the film is as before. But a render of several or shaped
-    /// responses begins anew if the iteration has already changed over 4 million pixels of its images. Then [`Film::samples`] is 0.
+    /// responses begins anew if the iteration has already changed over 4 million pixels of its images. Then [`Film::samples`] is 0. If a
+    /// graphics card kept these images and is lost, the film may lack the iterations of the last seconds.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         self.iterate_unless(samples, &Arc::default()).map(drop)
     }
@@ -52,7 +53,7 @@ impl Renderer {
             ));
         }
         if rows.start == 0 {
-            self.begin(samples);
+            self.begin(samples)?;
         }
         let whole = self.plan.crop;
         self.plan.set_crop(whole.rows(rows.clone()));
@@ -63,7 +64,7 @@ impl Renderer {
         self.plan.set_crop(whole);
         match done {
             Ok(Some(part)) => {
-                self.add_part(part, rows.end == whole.height());
+                self.add_part(part, rows.end == whole.height())?;
                 Ok(true)
             }
             other => {
@@ -76,11 +77,11 @@ impl Renderer {
     /// Renders one iteration of a plan that observes times or strategies, and calls `visit` with each contribution. The film does not
     /// change.
     pub(super) fn observe(&mut self, samples: u32, visit: &mut impl FnMut(Contribution)) -> Result<()> {
-        self.begin(samples);
-        if let Some(part) = self.render_part(samples, 0, &Arc::default(), visit)? {
-            self.add_part(part, true);
+        self.begin(samples)?;
+        match self.render_part(samples, 0, &Arc::default(), visit)? {
+            Some(part) => self.add_part(part, true),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     /// Algorithm 1 for the pixels of the plan's crop. Returns `None` if it gave up because of `stop`. Then, and after an error, a part of the
@@ -129,14 +130,15 @@ impl Renderer {
             // The film of the iteration before, and the sample counts of the next one, in a third thread.
             let (sums, samples_of_next) = (&*sums, next.map(|next| next.samples));
             let add_before = move || add_beside(sums, samples_of_next);
-            let film = works_beside.then(|| threads::spawn_scoped(scope, "film", add_before)).transpose()?;
+            let adding = works_beside.then(|| threads::spawn_scoped(scope, "film", add_before)).transpose()?;
 
             // Phase 3: sensor tracing, light-cone shell queries and connections, tile by tile.
-            if let Some(responses) = responses {
-                stats.timed(stage::SORT_ARRIVALS, || responses.set_splats(splats));
-            }
             let order = stats.timed(stage::RECORD, || sensor.order(plan.crop));
-            let sensor = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
+            let film = responses.as_ref().and_then(ResponseImages::on_device).map(|film| (film, offset));
+            let sensor = sensor.prepare(plan, &iteration, scene, &pool, film, stats)?;
+            if let Some(responses) = responses {
+                stats.timed(stage::SORT_ARRIVALS, || responses.set_splats(splats, sensor.recorder()))?;
+            }
             sensor.begin(stop);
             let count = |pixel| plan.sensor_samples(counts.of(offset + pixel));
             let mut tiles = Tiles::new(&order, count);
@@ -158,17 +160,16 @@ impl Renderer {
                 let Some(found) = subpaths.resolve(is_last)? else { return Ok(None) };
                 found.contributions.into_iter().flatten().for_each(&mut *visit);
                 if let Some(responses) = responses {
-                    let pixels: Vec<u32> =
-                        tile.crop_pixels(plan.crop).into_iter().map(|pixel| offset + pixel).collect();
-                    stats.timed(stage::SORT_ARRIVALS, || responses.add(&pixels, &found.arrivals));
+                    let pixels = || tile.crop_pixels(plan.crop).into_iter().map(|pixel| offset + pixel).collect();
+                    stats.timed(stage::SORT_ARRIVALS, || responses.add(pixels, &found.arrivals));
                 }
             }
 
             let (seen, merged) = sensor.film(image.len() / 3, stats)?;
             // An error of the next iteration's light shows in that iteration, which traces it again.
             *ahead = stats.timed(stage::WAIT_FOR_LIGHT, || beside.and_then(|beside| beside.end().ok()));
-            if let Some(film) = film {
-                let join = || film.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            if let Some(adding) = adding {
+                let join = || adding.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
                 let (counts, of_film) = stats.timed(stage::WAIT_FOR_FILM, join);
                 *counts_ahead = samples_of_next.zip(counts);
                 stats.add_part(&of_film);

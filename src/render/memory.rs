@@ -7,6 +7,7 @@ use super::photons::PhotonTracer;
 use super::plan::Plan;
 use super::pool::{DevicePool, PoolSize};
 use super::prepared_scene::PreparedScene;
+use super::responses::{DeviceFilm, on_device};
 use super::sensor::SensorTracer;
 use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
@@ -83,8 +84,11 @@ impl MemoryPlan {
         let unlimited = DeviceInfo::unlimited();
         let info = device.unwrap_or(&unlimited);
         let plan = Plan::new(scene, settings, prepared, info.quirks)?;
-        let (scene_buffers, iteration) =
+        let (scene_buffers, mut iteration) =
             (DeviceScene::buffer_descs(prepared, plan.hardware_rays), iteration_buffers(info, &plan, prepared));
+        if on_device::is_suited(info, &plan) {
+            iteration.extend(DeviceFilm::buffer_descs(&plan));
+        }
         let vertices = plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth));
         // A photon may be stored at several bounces.
         let photons = if plan.merging.is_some() { 2 * plan.photons(plan.max_samples()) as usize } else { 0 };

@@ -18,6 +18,7 @@ pub mod geometry;
 mod glass_checks;
 pub mod grid;
 mod iteration;
+mod kept;
 mod layers;
 mod light;
 mod light_phase;
@@ -90,7 +91,7 @@ use plan::{Observe, Plan};
 pub use pool::leaf_record;
 pub use prepared_scene::PreparedScene;
 pub use probe::{TravelTimes, probe};
-use responses::ResponseSums;
+use responses::ResponseImages;
 pub use sample_time::seconds_per_sample;
 pub use samples::MAX_AVERAGE_SAMPLES;
 use samples::{Allocation, SampleCounts};
@@ -117,7 +118,9 @@ pub struct Renderer {
     /// Samples per pixel of the next iteration, on average, and in each pixel, if they are chosen already.
     counts_ahead: Option<(u32, SampleCounts)>,
     /// `None` if there is one response with weight 1 in its gate: its image is the film.
-    responses: Option<ResponseSums>,
+    responses: Option<ResponseImages>,
+    /// See [`kept::Kept`].
+    kept: Option<Box<kept::Kept>>,
     stats: Stats,
     /// The iteration in progress, while not all its rows are rendered.
     begun: Option<Begun>,
@@ -220,7 +223,7 @@ impl Renderer {
         let device = device.clone();
         let sensor = SensorPhase::new(&device, compaction)?;
         let allocation = plan.adaptive.then(|| Allocation::new(width, plan.crop_pixels));
-        let responses = (plan.observe == Observe::Responses).then(|| ResponseSums::new(&plan, false));
+        let responses = (plan.observe == Observe::Responses).then(|| ResponseImages::new(&device, &plan, false));
         Ok(Renderer {
             device,
             plan,
@@ -231,6 +234,7 @@ impl Renderer {
             sums: Sums::new(film, allocation),
             counts_ahead: None,
             responses,
+            kept: None,
             stats,
             begun: None,
             done: Iterations::default(),
@@ -265,16 +269,32 @@ impl Renderer {
         &self.sums.get().film
     }
 
-    /// The images of the responses so far; `None` if there is one response, whose image is [`Renderer::film`].
-    pub fn responses(&self) -> Option<&ResponseFilm> {
-        self.responses.as_ref().map(ResponseSums::film).filter(|film| film.responses() > 1)
+    /// The images of the responses so far; `None` if there is one response, whose image is [`Renderer::film`]. A graphics card may keep
+    /// these images. Then this copies them to the host, and fails if the card is lost.
+    pub fn responses(&self) -> Result<Option<&ResponseFilm>> {
+        self.responses.as_ref().filter(|images| images.responses() > 1).map(ResponseImages::film).transpose()
     }
 
-    /// Whether iterations divide their light into responses: several, or a shaped one. An abandoned iteration of a large image may then
-    /// clear all images.
+    /// Number of responses; 1 if [`Renderer::responses`] is `None`.
     #[doc(hidden)]
-    pub fn has_responses(&self) -> bool {
-        self.responses.is_some()
+    pub fn response_count(&self) -> usize {
+        self.responses.as_ref().map_or(1, ResponseImages::responses)
+    }
+
+    /// Host bytes of the images of [`Renderer::responses`].
+    #[doc(hidden)]
+    pub fn response_bytes(&self) -> u64 {
+        let bytes = |images: &ResponseImages| {
+            ResponseFilm::bytes(self.plan.image_pixels, images.responses() as u64, images.has_variance())
+        };
+        self.responses.as_ref().map_or(0, bytes)
+    }
+
+    /// Whether an abandoned iteration of a large image may clear all images: if the host divides the light into responses, several or a
+    /// shaped one.
+    #[doc(hidden)]
+    pub fn may_lose_images(&self) -> bool {
+        self.responses.as_ref().is_some_and(|images| images.on_device().is_none())
     }
 
     /// Also estimates the variance of the images of several responses, which takes as much memory again as these images. Call it
@@ -285,7 +305,7 @@ impl Renderer {
     pub fn estimate_response_variance(&mut self) {
         assert!(self.done.is_empty(), "the variance must be known from the first iteration on");
         if self.responses.is_some() {
-            self.responses = Some(ResponseSums::new(&self.plan, true));
+            self.responses = Some(ResponseImages::new(&self.device, &self.plan, true));
         }
     }
 
@@ -293,6 +313,6 @@ impl Renderer {
     /// whose image is the film.
     #[doc(hidden)]
     pub fn has_response_variance(&self) -> bool {
-        self.responses.as_ref().is_some_and(|responses| responses.film().has_variance())
+        self.responses.as_ref().is_some_and(ResponseImages::has_variance)
     }
 }

@@ -9,14 +9,15 @@ use crate::scene::Camera;
 
 impl Renderer {
     /// Goes on with the scene of `other`, a new renderer with the same settings.
-    pub(crate) fn go_on_in(&mut self, other: Renderer) {
+    pub(crate) fn go_on_in(&mut self, other: Renderer) -> Result<()> {
         let Renderer { plan, scene, light, sensor, stats, .. } = other;
         self.stats.scene_bytes = self.stats.scene_bytes.max(stats.scene_bytes);
         if let Some(responses) = &mut self.responses {
-            responses.follow(&plan);
+            responses.follow(&plan)?;
         }
         (self.plan, self.scene, self.light, self.sensor) = (plan, scene, light, sensor);
         self.forget_ahead();
+        Ok(())
     }
 
     /// As [`Renderer::set_camera`], and goes on.

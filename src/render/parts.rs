@@ -1,10 +1,10 @@
 //! An iteration in parts: rows of the image that show the scene at different moments. Most iterations have one part.
 
 use super::Renderer;
-use super::responses::ResponseSums;
 use super::samples::SampleCounts;
 use super::stats::Stats;
 use super::sums::Image;
+use crate::error::Result;
 
 /// The image of some rows.
 pub struct Part {
@@ -31,13 +31,15 @@ pub struct Begun {
 
 impl Renderer {
     /// Begins an iteration with `samples` samples per pixel, on average.
-    pub(super) fn begin(&mut self, samples: u32) {
+    pub(super) fn begin(&mut self, samples: u32) -> Result<()> {
+        self.keep_if_copied();
         let before = self.stats.clone();
         let counts = self.sample_counts(samples);
         if let Some(responses) = &mut self.responses {
-            responses.begin(samples);
+            responses.begin(&self.plan, samples)?;
         }
         self.begun = Some(Begun { before, counts, samples, splats: vec![], seen: vec![], merged: 0.0 });
+        Ok(())
     }
 
     /// Rows that no light can reach inside the gate.
@@ -48,7 +50,7 @@ impl Renderer {
     }
 
     /// Adds the next rows to the iteration. After the last ones, the iteration becomes part of the film.
-    pub(super) fn add_part(&mut self, part: Part, is_last: bool) {
+    pub(super) fn add_part(&mut self, part: Part, is_last: bool) -> Result<()> {
         let mut begun = self.begun.take().expect("an iteration has begun");
         begun.merged += part.merged * (part.seen.len() as f64 / self.plan.crop_pixels as f64);
         if begun.seen.is_empty() {
@@ -59,23 +61,29 @@ impl Renderer {
         }
         if !is_last {
             self.begun = Some(begun);
-            return;
+            return Ok(());
         }
+        let total = match self.responses.as_mut().map(|responses| responses.end(&mut self.stats)).transpose() {
+            Ok(total) => total,
+            Err(error) => {
+                self.begun = Some(begun);
+                self.abandon();
+                return Err(error);
+            }
+        };
         let Begun { counts, samples, splats, seen, merged, .. } = begun;
         let max = counts.max();
-        let total = self.responses.as_mut().map(ResponseSums::end);
         if !self.plan.observe.has_strategies() {
             self.add_image(Image { splats, seen, total, counts, samples });
         }
         self.finish_iteration(max, merged);
+        self.copy_images_if_due()
     }
 
     /// Gives up an iteration that is not complete. A render of several responses may have to begin anew, see [`Renderer::iterate`].
     pub(crate) fn abandon(&mut self) {
         let Some(begun) = self.begun.take() else { return };
         self.stats = begun.before;
-        if self.responses.as_mut().is_some_and(|responses| !responses.restore()) {
-            self.clear();
-        }
+        self.restore_images();
     }
 }

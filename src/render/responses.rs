@@ -3,6 +3,8 @@
 //! The release profile does not optimise across codegen units. So what runs for each arrival is marked for inlining, and does without
 //! `array::map` and adapters of iterators, whose closures would be calls (docs/notebook/long-histograms.md).
 
+mod images;
+pub mod on_device;
 mod pixel_sums;
 mod replaced;
 mod weights;
@@ -11,6 +13,8 @@ use rayon::prelude::*;
 
 use super::plan::Plan;
 use crate::image::response_film::{FilmRow, ResponseFilm, rows};
+pub use images::ResponseImages;
+pub use on_device::{Adding, DeviceFilm};
 use pixel_sums::PixelSums;
 use replaced::{MAX_REPLACED, Notes, Replaced};
 use weights::Weights;
@@ -29,7 +33,18 @@ pub struct Arrival<Pixel = u32> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct IndexInTile(pub u32);
 
-/// The images of several responses, and the arrivals of the present iteration that are not in them yet.
+/// What is left of the images after an iteration that is not complete.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Undone {
+    /// The images are those before the iteration.
+    All,
+    /// The device is lost. The images are those of the last copy ([`DeviceFilm::film`]).
+    ToLastCopy,
+    /// The images cannot be used.
+    Nothing,
+}
+
+/// The images of several responses on the host, and the arrivals of the present iteration that are not in them yet.
 pub struct ResponseSums {
     film: ResponseFilm,
     weights: Weights,
@@ -46,7 +61,7 @@ pub struct ResponseSums {
 
 impl ResponseSums {
     pub fn new(plan: &Plan, has_variance: bool) -> ResponseSums {
-        let film = ResponseFilm::new(plan.crop_pixels as usize, plan.responses.len(), has_variance);
+        let film = ResponseFilm::new(plan.image_pixels as usize, plan.responses.len(), has_variance);
         ResponseSums::with(film, Weights::new(&plan.responses, &plan.space))
     }
 

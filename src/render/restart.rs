@@ -3,7 +3,7 @@
 #![warn(missing_docs)]
 
 use super::prepared_scene::{PreparedScene, set_seeds};
-use super::responses::ResponseSums;
+use super::responses::ResponseImages;
 use super::schedule::Following;
 use super::sums::Added;
 use super::{Iterations, Renderer, Stats};
@@ -112,9 +112,9 @@ impl Renderer {
             allocation.restart();
         }
         if let Some(responses) = &mut self.responses {
-            *responses = ResponseSums::new(&self.plan, responses.film().has_variance());
+            *responses = ResponseImages::new(&self.device, &self.plan, responses.has_variance());
         }
-        (self.done, self.begun) = (Iterations::default(), None);
+        (self.done, self.begun, self.kept) = (Iterations::default(), None, None);
         (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);
         (self.following, self.ahead, self.counts_ahead) = (Following::Unknown, None, None);
         self.merged = MergedLight::default();

@@ -2,7 +2,7 @@
 
 use super::samples::MAX_SHARE;
 use super::schedule::{Following, Rendered};
-use super::{Allocation, Renderer, ResponseSums};
+use super::{Allocation, Renderer, ResponseImages};
 use crate::error::{Error, Result};
 use crate::image::accumulation::{About, Accumulation, AdaptiveState};
 
@@ -60,7 +60,7 @@ impl Renderer {
     #[doc(hidden)]
     pub fn resume(&mut self, earlier: Accumulation) -> Result<()> {
         let Accumulation { about, film, responses, adaptive, .. } = earlier;
-        let count = self.responses().map_or(1, |film| film.responses());
+        let count = self.response_count();
         let own = self.sums.get_mut();
         let fits = (film.width(), film.height()) == (own.film.width(), own.film.height())
             && responses.as_ref().map_or(1, |film| film.responses()) == count
@@ -74,13 +74,13 @@ impl Renderer {
             allocation.resume(state);
         }
         if let (Some(sums), Some(film)) = (&mut self.responses, responses) {
-            *sums = ResponseSums::new(&self.plan, film.has_variance());
+            *sums = ResponseImages::new(&self.device, &self.plan, film.has_variance());
             sums.resume(film);
         }
         (self.next, self.first_sample) = (about.iterations.end(), about.next_sample);
         (self.done, self.dropped_before) = (about.iterations, about.dropped);
         self.merged = about.merged.unwrap_or_default();
-        (self.ahead, self.counts_ahead) = (None, None);
+        (self.ahead, self.counts_ahead, self.kept) = (None, None, None);
         Ok(())
     }
 

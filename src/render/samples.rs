@@ -76,6 +76,7 @@ struct PixelStats {
 ///
 /// The counts do not depend on the iteration just before. So the host can choose them while the device traces that iteration. The first
 /// iterations are exceptions.
+#[derive(Clone)]
 pub struct Allocation {
     width: usize,
     pixels: Vec<PixelStats>,

@@ -12,6 +12,7 @@ use crate::image::film::Film;
 const PART: usize = 1 << 12;
 
 /// The sums over whole iterations.
+#[derive(Clone)]
 pub struct Added {
     pub film: Film,
     /// `None` if every pixel has the same number of samples.

@@ -221,7 +221,7 @@ impl Measurement {
         }
         let pairs = self.scan.sensor_count();
         let first = points.start * pairs;
-        self.film.set(first, points.len() * pairs, self.renderer.film(), self.renderer.responses());
+        self.film.set(first, points.len() * pairs, self.renderer.film(), self.renderer.responses()?);
         (self.measured, self.samples) = (points.end, self.renderer.film().samples());
         Ok(end)
     }

@@ -232,7 +232,7 @@ impl Case {
         let mut means: Vec<(Vec<f64>, f64)> = vec![Default::default(); self.expected.len()];
         for iteration in 1..=ITERATIONS {
             renderer.iterate(SAMPLES)?;
-            let images = renderer.responses().expect("there are several responses");
+            let images = renderer.responses()?.expect("there are several responses");
             for (k, (means, sum)) in means.iter_mut().enumerate() {
                 let image = images.mean(k);
                 let mean = image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64;

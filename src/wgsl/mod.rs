@@ -26,6 +26,8 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "connect",
     "gather",
     "resolve",
+    "add_arrivals",
+    "sum_responses",
     "first_surface",
     "photon_trace",
     "merge",

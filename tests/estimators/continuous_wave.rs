@@ -65,7 +65,9 @@ fn rendered(estimator: Estimator) -> Modulation {
         renderer.restart(300 + seed, frequencies.clone()).unwrap();
         renderer.iterate(8).unwrap();
         let mut cells = [[0.0; 2]; CELLS];
-        for (pixel, echo) in depth::echoes(renderer.responses().unwrap(), &frequencies, 0).into_iter().enumerate() {
+        for (pixel, echo) in
+            depth::echoes(renderer.responses().unwrap().unwrap(), &frequencies, 0).into_iter().enumerate()
+        {
             let (sine, cosine) = f64::from(echo.phase).sin_cos();
             add_pixel(&mut cells, pixel, [cosine, sine].map(|x| x * f64::from(echo.amplitude)));
         }

@@ -183,7 +183,7 @@ fn a_render_of_responses_survives_abandoned_iterations() {
         whole.iterate(4).unwrap();
         assert!(whole.film().mean() == other.film().mean(), "the image has other bits");
         let images = |renderer: &Renderer| {
-            renderer.responses().map(|film| (0..film.responses()).map(|k| film.mean(k)).collect::<Vec<_>>())
+            renderer.responses().unwrap().map(|film| (0..film.responses()).map(|k| film.mean(k)).collect::<Vec<_>>())
         };
         assert!(images(&whole) == images(&other), "the images of the gates have other bits");
     }

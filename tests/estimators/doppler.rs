@@ -48,7 +48,7 @@ fn velocities(scene: &Scene, estimator: Estimator, responses: &Responses) -> Vec
         let pixels = rgb.chunks(3).map(|pixel| [0, 1, 2].map(|k| f64::from(pixel[k])));
         pixels.map(|pixel| (pixel[0] + 2.0 * pixel[1] + pixel[2], Doppler::decode(SPEED, pixel))).collect()
     };
-    match renderer.responses() {
+    match renderer.responses().unwrap() {
         Some(images) => (0..responses.len()).map(|k| image(images.mean(k))).collect(),
         None => vec![image(renderer.film().mean())],
     }
@@ -284,7 +284,7 @@ fn fog_approaches_a_camera_that_drives() {
         let mut renderer = renderer(&scene, &settings);
         (0..8).for_each(|_| renderer.iterate(8).unwrap());
         for k in 0..2 {
-            let rgb = renderer.responses().unwrap().mean(k);
+            let rgb = renderer.responses().unwrap().unwrap().mean(k);
             let mut lit = 0;
             for (pixel, rgb) in rgb.chunks(3).enumerate() {
                 let cosine = -direction(pixel).z;

@@ -24,7 +24,9 @@ fn spectrum(scene: &Scene, estimator: Estimator, fmcw: Option<&str>, [lo, hi]: [
     let settings = settings.change().sampling(Sampling::Uniform).build().unwrap();
     let mut renderer = renderer(scene, &settings);
     (0..iterations).for_each(|_| renderer.iterate(4).unwrap());
-    let sum = |renderer: &Renderer, k: usize| renderer.responses().unwrap().mean(k).iter().map(|&x| f64::from(x)).sum();
+    let sum = |renderer: &Renderer, k: usize| {
+        renderer.responses().unwrap().unwrap().mean(k).iter().map(|&x| f64::from(x)).sum()
+    };
     (0..20).map(|k| sum(&renderer, k)).collect()
 }
 

@@ -145,7 +145,7 @@ fn histograms_in_fog_under_many_lamps_agree() {
         let images = (0..super::cells::seeds()).map(|k| {
             renderer.restart(seed + k, gates).unwrap();
             renderer.iterate(8).unwrap();
-            let film = renderer.responses().unwrap();
+            let film = renderer.responses().unwrap().unwrap();
             (0..film.responses()).map(|k| mean(&film.mean(k))).collect::<Vec<f64>>()
         });
         let images: Vec<Vec<f64>> = images.collect();

@@ -56,7 +56,7 @@ fn a_continuous_wave_sensor_measures_the_distance_of_a_wall() {
     let settings = settings(Estimator::Pt, [8, 8]).responses(frequencies.clone()).build().unwrap();
     let mut renderer = renderer(&scene, &settings);
     renderer.iterate(4).unwrap();
-    let film = renderer.responses().unwrap();
+    let film = renderer.responses().unwrap().unwrap();
     // The pixels see the wall at 2 m to 2.0002 m. At 80 MHz, half a period is 1.874 m, so the wall seems to be 0.126 m away.
     let near = 2.0 - 0.5 * Frequencies::period(80.0);
     for echo in depth::echoes(film, &frequencies, 0) {

@@ -38,7 +38,7 @@ fn adaptive() -> Settings {
 
 fn bits(renderer: &Renderer) -> Vec<u32> {
     let film = renderer.film();
-    let responses = renderer.responses();
+    let responses = renderer.responses().unwrap();
     let images = responses.iter().flat_map(|all| (0..all.responses()).map(|k| all.mean(k)));
     let all = images.chain([film.mean(), film.variance_of_mean()]).flatten();
     let bits: Vec<u32> = all.map(f32::to_bits).collect();
@@ -145,7 +145,7 @@ fn light_of_another_iteration_is_not_used() {
 fn stored(renderer: &Renderer, settings: &Settings) -> Accumulation {
     let about = renderer.about(&About::new(settings, String::new(), &[], String::new(), Shard::ALL), 1.0);
     let (layers, adaptive) = (Layers::default(), renderer.adaptive_state());
-    let (film, responses) = (renderer.film(), renderer.responses());
+    let (film, responses) = (renderer.film(), renderer.responses().unwrap());
     let mut bytes = Cursor::new(vec![]);
     file::write_to(
         &mut bytes,

@@ -12,6 +12,7 @@ mod continuous_wave;
 mod determinism;
 #[path = "../common/device.rs"]
 mod device;
+mod device_film;
 mod doppler;
 mod drive;
 mod ellipsoids;

@@ -130,7 +130,7 @@ fn several_responses_divide_the_light_behind_a_slab() {
         for seed in 0..seeds() {
             renderer.restart(400 + seed, responses.clone()).unwrap();
             (0..4).for_each(|_| renderer.iterate(2).unwrap());
-            let film = renderer.responses().expect("there are several responses");
+            let film = renderer.responses().unwrap().expect("there are several responses");
             let images = (0..responses.len()).map(|k| film.mean(k)).chain([renderer.film().mean()]);
             batches
                 .iter_mut()
@@ -213,7 +213,7 @@ fn merging_gives_the_same_bits_whatever_the_tiles() {
         let bits = |tuning: Tuning| {
             let mut renderer = tuned(&scene, &s, tuning);
             (0..2).for_each(|_| renderer.iterate(2).unwrap());
-            let image = renderer.responses().map_or_else(|| renderer.film().mean(), |film| film.mean(2));
+            let image = renderer.responses().unwrap().map_or_else(|| renderer.film().mean(), |film| film.mean(2));
             image.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
         };
         let usual = bits(Tuning::default());

@@ -200,7 +200,7 @@ fn a_gate_that_begins_at_0_keeps_the_direct_return() {
             let mut uncounted = renderer(&lit_by_cone(&|seen| length_of_ends(seen, seen)), &settings);
             uncounted.iterate(4).unwrap();
             // All of it is in the first gate.
-            let first = uncounted.responses().map_or_else(|| uncounted.film().mean(), |film| film.mean(0));
+            let first = uncounted.responses().unwrap().map_or_else(|| uncounted.film().mean(), |film| film.mean(0));
             let lost = truth.iter().zip(&first).filter(|(a, b)| (*a - *b).abs() > 1e-3 * **a).count() / 3;
             assert_eq!(lost, 0, "{estimator}, {} gates: {lost} of 64 pixels lose light", settings.responses().len());
         }
@@ -239,7 +239,8 @@ fn beams_that_share_a_render_have_the_bits_of_single_beams() {
                 let memory = MemoryPlan::new(&scene, &settings, &prepared, Some(device().info())).unwrap();
                 let mut renderer = Renderer::from_memory_plan(&device(), memory, &scene, &prepared).unwrap();
                 (0..4).for_each(|_| renderer.iterate(16).unwrap());
-                let all = renderer.responses().map_or(renderer.film().mean(), |film| film.means_of(0).collect());
+                let all =
+                    renderer.responses().unwrap().map_or(renderer.film().mean(), |film| film.means_of(0).collect());
                 all.chunks_exact(3).map(|rgb| rgb.iter().sum::<f32>() * (1.0 / 3.0)).collect::<Vec<f32>>()
             };
             for number in 0..12 {

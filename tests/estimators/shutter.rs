@@ -158,7 +158,7 @@ fn gates_see_a_surface_while_it_is_at_their_range() {
         let base = [("estimator", "bdpt"), ("shutter", "0.5..1.5"), ("gates", "5m..9m/4"), ("spp", "256")];
         let rolling = rolling.map(|time| ("rolling", time));
         let job = rendered(&path, &base.into_iter().chain(rolling).collect::<Vec<_>>());
-        let images = job.responses().unwrap();
+        let images = job.responses().unwrap().unwrap();
         // The distance is 5 m to 9 m while the first row is exposed. Each row begins 0.16 m later than the row above.
         for row in 0..H {
             let shift = if rolling.is_some() { 0.16 * f64::from(row) } else { 0.0 };
@@ -244,7 +244,7 @@ fn a_heterodyne_sensor_sees_the_doppler_shift() {
             let flags =
                 [("estimator", "bdpt"), ("shutter", "0.5..1.3"), ("cw", "20"), ("heterodyne", shown), ("spp", "512")];
             let job = rendered(&path, &flags);
-            let images = job.responses().unwrap();
+            let images = job.responses().unwrap().unwrap();
             let found: Vec<f64> =
                 (0..4).map(|k| f64::from(images.mean(k)[3 * (4 * W + 10) as usize + 1]) / RADIANCE).collect();
             let expected = |rate: f64, hertz: f64| -> Vec<f64> {

@@ -58,7 +58,7 @@ fn responses_without_an_end_hold_the_sky() {
     let settings = settings(Estimator::Lcs, [8, 8]).responses(responses).light_paths(4000).build().unwrap();
     let mut renderer = renderer(&scene, &settings);
     (0..8).for_each(|_| renderer.iterate(16).unwrap());
-    let film = renderer.responses().unwrap();
+    let film = renderer.responses().unwrap().unwrap();
     for k in 0..2 {
         let image = film.mean(k);
         let pixel = |x: usize, y: usize| f64::from(image[3 * (8 * y + x)]);

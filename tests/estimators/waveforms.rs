@@ -64,7 +64,7 @@ fn truth(share: f64) -> Vec<f64> {
 }
 
 fn bins(renderer: &Renderer) -> Vec<f64> {
-    renderer.responses().unwrap().means_of(0).step_by(3).map(f64::from).collect()
+    renderer.responses().unwrap().unwrap().means_of(0).step_by(3).map(f64::from).collect()
 }
 
 /// 64 samples of a beam with a render of its kind: each bin is right within 1 %, whether the laser is as wide as the pixel, wider or

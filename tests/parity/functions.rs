@@ -32,6 +32,7 @@ const ELSEWHERE: &[(&str, Cover)] = &[
     ("recorded", Test("estimators/doppler.rs", "paths_of_a_scene_that_grows_become_longer_by_their_length")),
     ("emitter_probability", Test("estimators/doppler.rs", "paths_of_a_scene_that_grows_become_longer_by_their_length")),
     ("apparent_time", Test("estimators/fmcw.rs", "a_beat_is_that_of_a_path_at_rest")),
+    ("crop_index", Test("estimators/device_film.rs", "images_on_the_device_have_the_same_bits")),
     ("triangle_of", Test("ray_queries.rs", "closed_meshes_do_not_leak")),
     ("pack_weights", Caller("grow_frontier")),
     ("unpack_weights", Caller("sample_frontier")),

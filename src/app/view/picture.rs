@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::render::{Renderer, luminance};
 
 use super::board::Surfaces;
@@ -45,10 +44,11 @@ impl Picture {
         let film = renderer.film();
         let variance = if film.iterations() < 2 { vec![] } else { film.variance_of_mean() };
         let mean = film.shown();
-        let images = renderer.responses();
-        let count = images.map_or(1, ResponseFilm::responses);
+        let count = renderer.response_count();
         let fits = count * mean.len() <= MAX_RESPONSE_VALUES;
-        let responses = images.filter(|_| fits).map(|film| (0..count).flat_map(|k| film.mean(k)).collect());
+        // If the device is lost, the next iteration says so.
+        let images = if fits { renderer.responses().ok().flatten() } else { None };
+        let responses = images.map(|film| (0..count).flat_map(|k| film.mean(k)).collect());
         Picture {
             revision,
             size: [film.width(), film.height()],

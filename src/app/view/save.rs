@@ -67,7 +67,7 @@ impl Finished<'_> {
         // `resolve::outputs` needs an image or an array, even if only other files are written.
         let image = if extension == "exr" { path.clone() } else { path.with_extension("npy") };
         wanted.output.output = Some(Files(vec![image]));
-        let has_variance = self.renderer.responses().is_none() || self.renderer.has_response_variance();
+        let has_variance = self.renderer.response_count() == 1 || self.renderer.has_response_variance();
         wanted.output.variance = (extension == "npy" && has_variance).then_some(true);
         let outputs = match extension.to_str() {
             Some("exr" | "npy") => resolve::outputs(&wanted)?,

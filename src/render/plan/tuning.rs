@@ -13,6 +13,8 @@ pub struct Tuning {
     pub observed: Option<usize>,
     /// Number of iterations in flight, 1 or 2; see [`Drive::in_flight`](crate::gpu::Drive::in_flight). `None`: that of the device.
     pub in_flight: Option<u32>,
+    /// Whether the device keeps the images of several responses, if it can (`responses/on_device.rs`). `None`: if it is worth it.
+    pub device_film: Option<bool>,
     /// Holds back the last tile of an iteration until the light of the next one is there, and the image of the one before is in the film.
     /// So a test shows that the device need not wait for them.
     pub holds_for_host: bool,
@@ -20,7 +22,7 @@ pub struct Tuning {
 
 impl Default for Tuning {
     fn default() -> Self {
-        Tuning { workgroup: 64, tile: None, observed: None, in_flight: None, holds_for_host: false }
+        Tuning { workgroup: 64, tile: None, observed: None, in_flight: None, device_film: None, holds_for_host: false }
     }
 }
 

@@ -34,6 +34,11 @@ impl Weights {
         Weights { boxes, lookup, general, supports, unit: space.unit, ahead }
     }
 
+    /// Begin and end of each gate in render space, if all responses are boxes, and none begins before the previous one ends.
+    pub fn ascending_boxes(&self) -> Option<&[[f32; 2]]> {
+        self.lookup.is_some().then_some(&self.boxes[..]).filter(|boxes| !boxes.is_empty())
+    }
+
     /// Puts the phases of all waves ahead by this number of turns.
     pub fn turn_waves(&mut self, turns: f64) {
         for (ahead, response) in self.ahead.iter_mut().zip(&self.general) {

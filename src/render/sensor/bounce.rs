@@ -1,6 +1,7 @@
 //! One bounce of the sensor subpaths of a tile: trace, query, connect.
 
 use super::*;
+use crate::render::responses::Adding;
 use crate::render::submit_size::size_factor;
 
 impl SensorSubpaths<'_> {
@@ -9,8 +10,8 @@ impl SensorSubpaths<'_> {
         self.constants.bounce = bounce;
         self.traced = self.living;
         self.unread += self.entries_of(self.living, self.living);
-        let SensorSubpaths { tracer, bindings, constants, traced, stats, .. } = self;
-        stats.timed(stage::RECORD, || tracer.record_trace(bindings, constants, *traced))?;
+        let SensorSubpaths { tracer, bindings, adding, constants, traced, stats, .. } = self;
+        stats.timed(stage::RECORD, || tracer.record_trace(bindings, *adding, constants, *traced))?;
         if !self.tracer.waits_per_bounce {
             return Ok(());
         }
@@ -49,15 +50,22 @@ impl SensorSubpaths<'_> {
         if self.has_no_work() {
             return Ok(());
         }
-        let SensorSubpaths { tracer, bindings, constants, stats, .. } = self;
+        let SensorSubpaths { tracer, bindings, adding, constants, stats, .. } = self;
         let at = |counter: u32| Dispatch { counter, ..*constants };
         let (k, b, r) = (&tracer.kernels, &tracer.buffers, &mut tracer.recorder);
         let over = |list: u32| indirect_over(&b.arguments, list);
         stats.timed(stage::RECORD, || {
             r.dispatch_indirect("connect", &k.connect, &bindings.connect, &at(CANDIDATES), over(CANDIDATES))?;
+            if let Some(adding) = adding {
+                adding.record(r, &b.arguments, CANDIDATES, 1)?;
+            }
             r.dispatch_indirect("gather", &k.gather, &bindings.gather, &at(SHADE), over(SHADE))?;
-            match (&k.merge, &bindings.merge) {
-                (Some(kernel), Some(bound)) => r.dispatch_indirect("merge", kernel, bound, &at(SHADE), over(SHADE)),
+            let (Some(kernel), Some(bound)) = (&k.merge, &bindings.merge) else { return Ok(()) };
+            r.dispatch_indirect("merge", kernel, bound, &at(SHADE), over(SHADE))?;
+            match adding {
+                Some(adding) if adding.merged_entries > 0 => {
+                    adding.record(r, &b.arguments, SHADE, adding.merged_entries)
+                }
                 _ => Ok(()),
             }
         })
@@ -77,7 +85,13 @@ impl SensorSubpaths<'_> {
 impl SensorTracer {
     /// Records a bounce of the living paths (at most `max`): their tracing, then the lists of continuing paths and of new shade
     /// points.
-    fn record_trace(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
+    fn record_trace(
+        &mut self,
+        bindings: &SensorBindings,
+        adding: Option<&Adding>,
+        constants: &Dispatch,
+        max: u32,
+    ) -> Result<()> {
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         let parity = constants.bounce as usize % 2;
         let (living, next) = (LIVING[parity], LIVING[1 - parity]);
@@ -89,6 +103,9 @@ impl SensorTracer {
             &lists,
             indirect_over(&b.arguments, living),
         )?;
+        if let Some(adding) = adding {
+            adding.record(r, &b.arguments, living, 1)?;
+        }
         k.compaction.record(r, &bindings.compact_paths[parity], &lists, max as usize, &b.arguments)
     }
 

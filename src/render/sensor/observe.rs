@@ -28,6 +28,11 @@ pub struct Found {
 }
 
 impl SensorSubpaths<'_> {
+    /// Whether the host reads the entries.
+    pub(super) fn reads_entries(&self) -> bool {
+        self.plan.observe != Observe::Nothing && self.adding.is_none()
+    }
+
     /// Maximum number of entries of a bounce that traces `paths` paths and has `shade_points` shade points.
     pub(super) fn entries_of(&self, paths: u32, shade_points: u32) -> usize {
         paths as usize + shade_points as usize * (self.tracer.slots + self.plan.merged_entries()) as usize
@@ -36,12 +41,12 @@ impl SensorSubpaths<'_> {
     /// Whether the entries of the next bounce fit behind those that the host has not read yet.
     pub(super) fn has_room(&self) -> bool {
         let next = self.entries_of(self.living, self.living);
-        self.plan.observe == Observe::Nothing || self.unread + next <= self.tracer.observed
+        !self.reads_entries() || self.unread + next <= self.tracer.observed
     }
 
     /// Number of entries that the host has not read yet, according to the counters after a bounce. Fails if they are too many.
     pub(super) fn unread_after(&self, counters: &[u32; COUNTERS]) -> Result<usize> {
-        if self.plan.observe == Observe::Nothing {
+        if !self.reads_entries() {
             return Ok(0);
         }
         // As in sensor_trace.wgsl, connect.wgsl and merge.wgsl. The paths of the next bounce are listed, but not traced.
@@ -63,6 +68,9 @@ impl SensorSubpaths<'_> {
 
     /// Records the copy of the entries that the tile is likely to have, so that they need no wait of their own. Returns their number.
     pub(super) fn record_likely(&mut self) -> Result<usize> {
+        if !self.reads_entries() {
+            return Ok(0);
+        }
         let likely = (f64::from(self.constants.count) * self.tracer.entries_per_path) as usize;
         let count = likely.max(MIN_COPY).min(self.unread);
         self.record_copy(count)?;

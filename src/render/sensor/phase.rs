@@ -10,6 +10,7 @@ use crate::render::compaction::Compaction;
 use crate::render::device_scene::{DeviceScene, frame_buffer};
 use crate::render::plan::Iteration;
 use crate::render::pool::SortedPool;
+use crate::render::responses::{Adding, DeviceFilm};
 use crate::settings::Crop;
 
 /// The tracer, the pool on the device, and the descriptor sets over both.
@@ -27,6 +28,8 @@ pub struct SensorObjects {
     tracer: SensorTracer,
     pool: DevicePool,
     bindings: SensorBindings,
+    /// If the device keeps the images of several responses.
+    adding: Option<Adding>,
 }
 
 impl SensorPhase {
@@ -41,18 +44,22 @@ impl SensorPhase {
     }
 
     /// Uploads the pool and the frame of an iteration. Creates new buffers and descriptor sets if the present ones are too
-    /// small.
+    /// small. `film`: the images on the device, and the index of the first pixel of the present part of them.
     pub fn prepare(
         &mut self,
         plan: &Plan,
         iteration: &Iteration,
         scene: &DeviceScene,
         pool: &SortedPool,
+        film: Option<(&DeviceFilm, u32)>,
         stats: &mut Stats,
     ) -> Result<&mut SensorObjects> {
         let objects = self.fit(plan, scene, pool, stats)?;
         let objects = self.objects.insert(objects);
         self.frame.write(0, &[plan.frame(iteration, Some((&pool.layout, objects.tracer.slots)))])?;
+        let adding =
+            film.map(|(film, offset)| film.adding(&self.frame, &objects.tracer.buffers.bindings(), offset)).transpose();
+        objects.adding = adding?;
         Ok(objects)
     }
 
@@ -81,7 +88,7 @@ impl SensorPhase {
         let pool = stats.timed(stage::UPLOAD, || DevicePool::new(device, pool))?;
         let bindings = stats
             .timed(stage::ALLOCATE, || tracer.kernels.bind(&tracer.buffers, &scene.bindings(&self.frame), &pool))?;
-        Ok(SensorObjects { tracer, pool, bindings })
+        Ok(SensorObjects { tracer, pool, bindings, adding: None })
     }
 }
 
@@ -91,6 +98,11 @@ impl SensorObjects {
         let tracer = &mut self.tracer;
         tracer.tile.begin(!tracer.abandoned);
         (tracer.stop, tracer.abandoned) = (stop.clone(), false);
+    }
+
+    /// Records what comes before the next tile.
+    pub fn recorder(&mut self) -> &mut Recorder {
+        &mut self.tracer.recorder
     }
 
     /// Maximum number of samples of the next tile.
@@ -106,7 +118,8 @@ impl SensorObjects {
         pool: &'a SortedPool,
         stats: &'a mut Stats,
     ) -> Result<SensorSubpaths<'a>> {
-        SensorSubpaths::start(&mut self.tracer, &self.bindings, plan, tile, pool, stats)
+        let SensorObjects { tracer, bindings, adding, .. } = self;
+        SensorSubpaths::start(tracer, bindings, adding.as_ref(), plan, tile, pool, stats)
     }
 
     /// The film of so many pixels, see [`Buffers::film`], and the mean luminance of the merged light. Fails if the device's counts

@@ -3,6 +3,7 @@
 use super::tiles::Tile;
 use super::*;
 use crate::render::pool::SortedPool;
+use crate::render::responses::Adding;
 use crate::render::stats::computes_wrongly;
 
 /// Maximum number of bounces per submit if the host does not wait for each bounce. Few paths live longer.
@@ -15,10 +16,12 @@ const MAX_BOUNCES_PER_SUBMIT: u32 = 16;
 pub struct SensorSubpaths<'a> {
     pub(super) tracer: &'a mut SensorTracer,
     pub(super) bindings: &'a SensorBindings,
+    /// If the device adds the light to the images of several responses.
+    pub(super) adding: Option<&'a Adding>,
     pub(super) plan: &'a Plan,
     pub(super) tile: &'a Tile,
     pub(super) pool: &'a SortedPool,
-    /// For each sample of the tile, the index of its pixel in the tile; empty if the plan observes nothing.
+    /// For each sample of the tile, the index of its pixel in the tile; empty if the host reads no contributions.
     pub(super) pixel_indices: Vec<u32>,
     pub(super) stats: &'a mut Stats,
     /// The constants of the present bounce.
@@ -40,17 +43,23 @@ impl<'a> SensorSubpaths<'a> {
     pub(super) fn start(
         tracer: &'a mut SensorTracer,
         bindings: &'a SensorBindings,
+        adding: Option<&'a Adding>,
         plan: &'a Plan,
         tile: &'a Tile,
         pool: &'a SortedPool,
         stats: &'a mut Stats,
     ) -> Result<SensorSubpaths<'a>> {
-        let constants = stats.timed(stage::RECORD, || tracer.record_start(bindings, tile))?;
-        let pixel_indices = if plan.observe == Observe::Nothing { vec![] } else { tile.pixel_indices() };
+        let mut constants = stats.timed(stage::RECORD, || tracer.record_start(bindings, tile))?;
+        if adding.is_some() {
+            constants.first = NONE;
+        }
+        let is_read = plan.observe != Observe::Nothing && adding.is_none();
+        let pixel_indices = if is_read { tile.pixel_indices() } else { vec![] };
         let all = constants.count;
         Ok(SensorSubpaths {
             tracer,
             bindings,
+            adding,
             plan,
             tile,
             pool,
@@ -104,6 +113,7 @@ impl<'a> SensorSubpaths<'a> {
         }
         let unread = self.unread_after(&counters)?;
         self.read_observed(unread, copied)?;
+        let reads_entries = self.reads_entries();
         let SensorSubpaths { tracer, tile, stats, found, constants, longest, .. } = self;
         let count = |word: u32| u64::from(counters[word as usize]);
         let total = |list: u32| count(COUNTER_TOTALS + list);
@@ -118,8 +128,10 @@ impl<'a> SensorSubpaths<'a> {
         stats.inside_gate += count(COUNTER_TALLIES + 2);
         stats.candidates += count(COUNTER_TALLIES + 3);
         tracer.tile.adapt(samples, is_last, longest);
-        let entries_per_path = f64::from(constants.first) / samples.max(1) as f64;
-        tracer.entries_per_path = tracer.entries_per_path.max(observe::LIKELY * entries_per_path);
+        if reads_entries {
+            let entries_per_path = f64::from(constants.first) / samples.max(1) as f64;
+            tracer.entries_per_path = tracer.entries_per_path.max(observe::LIKELY * entries_per_path);
+        }
         Ok(Some(found))
     }
 }

@@ -141,7 +141,7 @@ fn abutting_gates_add_up_behind_a_slab() {
     let mut renderer = renderer(&scene, &s);
     (0..2).for_each(|_| renderer.iterate(8).unwrap());
     for (k, gate) in [&first, &second].into_iter().enumerate() {
-        let bin = sum(&renderer.responses().unwrap().mean(k));
+        let bin = sum(&renderer.responses().unwrap().unwrap().mean(k));
         assert!((bin / sum(gate) - 1.0).abs() < 0.02, "bin {k}: {bin}, {}", sum(gate));
     }
 }

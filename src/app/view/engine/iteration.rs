@@ -20,7 +20,7 @@ impl Engine {
     pub(super) fn iterate(&mut self, samples: u32) -> Result<(bool, Option<Effect>)> {
         let full = &mut self.work.renderers.as_mut().expect("the scene is prepared").full;
         // An abandoned iteration of responses may cost their images.
-        let keeps_image = full.rendered().iterations > 0 && !full.has_responses();
+        let keeps_image = full.rendered().iterations > 0 && !full.may_lose_images();
         let stop = Arc::<AtomicBool>::default();
         let abandon = || stop.store(true, Ordering::SeqCst);
         let mut total = None;
