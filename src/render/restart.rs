@@ -107,7 +107,9 @@ impl Renderer {
 
     pub(super) fn clear(&mut self) {
         let Added { film, allocation } = self.sums.get_mut();
-        *film = film.cleared();
+        if film.iterations() > 0 {
+            *film = film.cleared();
+        }
         if let Some(allocation) = allocation {
             allocation.restart();
         }

@@ -20,7 +20,7 @@ use tokio::time::{Instant, sleep_until, timeout};
 use super::board::Board;
 use super::engine::Command;
 use super::message::{Change, Layer, Pixel, Report, Request};
-use super::picture::BETWEEN_PICTURES;
+use super::picture::BETWEEN_FRAMES;
 use super::{Answers, board::Surfaces, viewed_scene};
 
 /// How long the program waits for a page.
@@ -49,9 +49,10 @@ const LARGE: usize = 1 << 20;
 const PULSE: Duration = Duration::from_secs(30);
 /// A page from which nothing comes for this time, not even answers to signs of life, is dropped.
 const SILENCE: Duration = Duration::from_secs(90);
-/// Messages per second that are read from a page, and how many may come at once. Further messages wait.
-const RATE: f64 = 100.0;
-const BURST: f64 = 200.0;
+/// Messages per second that are read from a page, and how many may come at once. Further messages wait. A page sends up to 40 changes, and
+/// acknowledges up to 40 pictures.
+const RATE: f64 = 200.0;
+const BURST: f64 = 400.0;
 /// A page that sent more malformed messages than this is dropped.
 const MAX_MALFORMED: u32 = 20;
 /// Maximum number of answers queued for a page.
@@ -217,7 +218,7 @@ impl Client<'_> {
             None => [
                 Some(self.spoken + PULSE),
                 Some(self.open.unwrap_or(self.heard + SILENCE)),
-                self.sent.filter(|_| self.is_held_back).map(|sent| sent + BETWEEN_PICTURES),
+                self.sent.filter(|_| self.is_held_back).map(|sent| sent + BETWEEN_FRAMES),
             ],
         };
         next.into_iter().chain([read]).flatten().min().unwrap_or(now)
@@ -322,7 +323,7 @@ impl Client<'_> {
 
     /// Sends the newest picture if the page does not have it, has acknowledged the last one, and got the last one long enough ago.
     async fn send_picture(&mut self) -> Result<(), End> {
-        self.is_held_back = self.open.is_none() && self.sent.is_some_and(|sent| sent.elapsed() < BETWEEN_PICTURES);
+        self.is_held_back = self.open.is_none() && self.sent.is_some_and(|sent| sent.elapsed() < BETWEEN_FRAMES);
         if self.open.is_some() || self.is_held_back {
             return Ok(());
         }

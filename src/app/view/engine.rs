@@ -3,6 +3,7 @@
 
 mod iteration;
 mod lost;
+mod pace;
 mod probed;
 mod publish;
 
@@ -27,6 +28,7 @@ use super::renderers::Renderers;
 use super::viewed_scene::{Effect, ViewedScene};
 use super::{Answers, describe};
 use iteration::{change, sum};
+use pace::Pace;
 use probed::Probed;
 
 /// Minimum time between two pictures while no page is connected.
@@ -35,8 +37,9 @@ const WITHOUT_PAGE: Duration = Duration::from_secs(10);
 const SETTLED: Duration = Duration::from_millis(300);
 /// If the full image will take less than this many seconds, no finer preview comes first.
 const SOON: f64 = 0.3;
-/// Samples per pixel of a preview.
+/// Samples per pixel of a preview, and of one of the whole size.
 const PREVIEW_SAMPLES: u32 = 2;
+const WHOLE_SIZE_SAMPLES: u32 = 1;
 /// The time between two pictures is at least this many times the time that one picture takes.
 const TIME_PER_PICTURE: u32 = 20;
 /// Time between two attempts to show a finished image in tev, which the user may start again. tev gets only what it does not have. An
@@ -103,8 +106,10 @@ pub struct Work {
     failed: bool,
     welcome: Option<Welcome>,
     pub(super) renderers: Option<Renderers>,
-    /// Number of previews that are done or skipped.
+    /// Number of previews that are done or skipped, and the one with which the present series begins.
     previews: usize,
+    first_preview: usize,
+    pace: Pace,
     /// When the camera moved; `None` if the full image has the present camera.
     moved: Option<Instant>,
     /// Whether the histogram of arriving light was measured with the present camera, lights and [`Probed`].
@@ -212,7 +217,12 @@ impl Engine {
             (work.renderers, work.moved) = (None, None);
         }
         work.failed = false;
-        (work.previews, work.seconds, work.relmse) = (0, 0.0, None);
+        if matches!(effect, Effect::Settings | Effect::All) {
+            work.pace = Pace::default();
+        }
+        let sizes = work.renderers.as_ref().map_or(vec![], Renderers::preview_sizes);
+        work.first_preview = work.pace.first(&sizes);
+        (work.previews, work.seconds, work.relmse) = (work.first_preview, 0.0, None);
         // The first picture of the new image is shown at once.
         (work.last_picture, work.has_news) = (None, false);
         self.announce(effect);
@@ -281,7 +291,8 @@ impl Engine {
         self.reopen_lost_device()?;
         let renderers = Renderers::new(&self.device, self.viewed.scene(), &self.viewed.view().settings)?;
         let work = &mut self.work;
-        (work.moved, work.previews) = (None, previews.min(renderers.previews.len()));
+        (work.moved, work.first_preview) = (None, 0);
+        work.previews = previews.min(renderers.previews.len());
         let has_other_warnings = renderers.warnings != before;
         work.renderers = Some(renderers);
         if has_other_warnings {
@@ -295,23 +306,30 @@ impl Engine {
         self.work.renderers.as_ref().is_some_and(|renderers| !renderers.previews.is_empty())
     }
 
-    /// Renders the next preview and publishes it. The coarsest preview is never abandoned. Skips finer previews if the full
-    /// image will be ready soon.
+    /// Renders the next preview and publishes it. The first one of a series is never abandoned. Skips finer previews if the full image
+    /// will be ready soon, and one of the whole size if it would take long.
     fn preview_step(&mut self) -> Result<Next> {
         let work = &mut self.work;
-        let preview = &mut work.renderers.as_mut().expect("the scene is prepared").previews[work.previews];
+        let renderers = work.renderers.as_mut().expect("the scene is prepared");
+        let (sizes, whole) = (renderers.preview_sizes(), self.viewed.view().settings.resolution());
+        let (preview, size) = (&mut renderers.previews[work.previews], sizes[work.previews]);
         let start = Instant::now();
         let never = Arc::default();
-        let stop = if work.previews == 0 { &never } else { &self.stop };
-        if !preview.iterate_unless(PREVIEW_SAMPLES, stop)? {
+        let stop = if work.previews == work.first_preview { &never } else { &self.stop };
+        let samples = if size == whole { WHOLE_SIZE_SAMPLES } else { PREVIEW_SAMPLES };
+        if !preview.iterate_unless(samples, stop)? {
             return Ok(Next::Step);
         }
-        let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
-        let seconds_per_pixel =
-            start.elapsed().as_secs_f64() / pixels([preview.film().width(), preview.film().height()]);
         self.board.picture(Picture::new(preview, work.revision));
-        let is_soon = seconds_per_pixel * pixels(self.viewed.view().settings.resolution()) < SOON;
-        work.previews = if is_soon { usize::MAX } else { work.previews + 1 };
+        let seconds = start.elapsed().as_secs_f64();
+        work.pace.note(size, seconds);
+        let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
+        let is_soon = work.moved.is_none() && seconds * pixels(whole) / pixels(size) < SOON;
+        work.previews += 1;
+        let goes_on = |&next: &[u32; 2]| !is_soon && work.pace.goes_on(size, next, whole);
+        if !sizes.get(work.previews).is_some_and(goes_on) {
+            work.previews = usize::MAX;
+        }
         self.report_progress(Phase::Coarse);
         Ok(Next::Step)
     }

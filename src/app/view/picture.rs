@@ -17,8 +17,9 @@ const LARGEST_HALF: f32 = 32768.0;
 const MAX_RESPONSE_VALUES: usize = 1 << 28;
 /// Written instead of the number of a response if the picture shows the sum of several responses.
 const SUM: u32 = u32::MAX;
-/// Minimum time between two pictures.
+/// Minimum time between two pictures of one image, which gets better slowly; and between any two, as while a camera moves.
 pub const BETWEEN_PICTURES: Duration = Duration::from_millis(100);
+pub const BETWEEN_FRAMES: Duration = Duration::from_millis(25);
 
 /// The render at one moment. Arrays have three channels per pixel, row 0 at the top.
 pub struct Picture {

@@ -1,4 +1,4 @@
-//! The renderers of the viewer: one for the image, and smaller ones for previews. All share the scene on the device.
+//! The renderers of the viewer: one for the image, and others for previews. All share the scene on the device.
 
 use taugate::Result;
 use taugate::internals::gpu::Device;
@@ -17,7 +17,8 @@ pub struct Renderers {
     pub prepared: PreparedScene,
     /// Renders the image, with the same bits as `taugate render`.
     pub full: Renderer,
-    /// Render smaller images, the coarsest first.
+    /// Render smaller images, the coarsest first. The last one has the size of the image, for fast devices; it takes memory only if it is
+    /// used.
     pub previews: Vec<Renderer>,
     /// Warnings about the surfaces of the scene.
     pub warnings: Vec<String>,
@@ -43,6 +44,11 @@ impl Renderers {
         self.previews = previews(&self.full, scene, settings, &self.prepared)?;
         self.warnings = warnings(&self.prepared, scene, settings);
         Ok(())
+    }
+
+    /// The sizes of the previews in pixels.
+    pub fn preview_sizes(&self) -> Vec<[u32; 2]> {
+        self.previews.iter().map(|preview| [preview.film().width(), preview.film().height()]).collect()
     }
 
     /// Begins again with another seed and other responses.
@@ -90,13 +96,18 @@ fn estimate_variance(renderer: &mut Renderer, settings: &Settings) {
 
 fn previews(full: &Renderer, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Vec<Renderer>> {
     let preview = |size| full.sibling(scene, &settings.change().resolution(size).build()?, prepared);
-    preview_sizes(settings.resolution()).map(preview).collect()
+    preview_sizes(settings.resolution(), settings.responses().len()).into_iter().map(preview).collect()
 }
 
-/// Sizes of the previews of an image in pixels, the smallest first.
-fn preview_sizes([width, height]: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
+/// Sizes of the previews of an image in pixels, the smallest first. The images of several gates would need twice the memory in a preview
+/// of the whole size, so they have none.
+fn preview_sizes([width, height]: [u32; 2], gates: usize) -> Vec<[u32; 2]> {
     let sizes = DIVISORS.map(|divisor| [width.div_ceil(divisor), height.div_ceil(divisor)]);
-    sizes.into_iter().filter(|[width, height]| width.min(height) >= &MIN_SIDE)
+    let mut sizes: Vec<_> = sizes.into_iter().filter(|[width, height]| width.min(height) >= &MIN_SIDE).collect();
+    if !sizes.is_empty() && gates == 1 {
+        sizes.push([width, height]);
+    }
+    sizes
 }
 
 #[cfg(test)]
@@ -104,11 +115,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn previews_are_neither_tiny_nor_the_image() {
-        let sizes = |size| preview_sizes(size).collect::<Vec<_>>();
-        assert_eq!(sizes([512, 512]), [[64, 64], [128, 128], [256, 256]]);
-        assert_eq!(sizes([640, 360]), [[80, 45], [160, 90], [320, 180]]);
-        assert_eq!(sizes([100, 70]), [[50, 35]]);
-        assert!(sizes([63, 1000]).len() == 1 && sizes([60, 60]).is_empty() && sizes([1, 1]).is_empty());
+    fn previews_are_not_tiny() {
+        let sizes = |size| preview_sizes(size, 1);
+        assert_eq!(sizes([512, 512]), [[64, 64], [128, 128], [256, 256], [512, 512]]);
+        assert_eq!(sizes([640, 360]), [[80, 45], [160, 90], [320, 180], [640, 360]]);
+        assert_eq!(sizes([100, 70]), [[50, 35], [100, 70]]);
+        assert_eq!(preview_sizes([100, 70], 2), [[50, 35]]);
+        assert!(sizes([63, 1000]).len() == 2 && sizes([60, 60]).is_empty() && sizes([1, 1]).is_empty());
     }
 }

@@ -6,7 +6,7 @@ import { parseFrame } from './frame.js';
 const FIRST_PAUSE = 500;
 const LONGEST_PAUSE = 10000;
 /** Time between two messages of the same kind, in ms. */
-const SET_EVERY = 100;
+const SET_EVERY = 30;
 const PIXEL_EVERY = 100;
 const SHOW_EVERY = 40;
 /** If nothing arrives for this time (ms), the connection is dead. The program shows a sign of life every 30 s. */
