@@ -12,7 +12,7 @@ use taugate::internals::input::resolve::Outputs;
 use taugate::internals::job::preparation::Preparation;
 use taugate::internals::job::sum_files::Before;
 use taugate::internals::render::{Renderer, Stage, Stats};
-use taugate::internals::settings::Settings;
+use taugate::internals::settings::{Rays, Settings};
 
 use super::images::Images;
 use super::progress::{Position, Progress, duration, rays};
@@ -68,6 +68,10 @@ struct Numbers<'a> {
     stages: Vec<Stage>,
     /// Share of these seconds in which the device ran kernels; null if it has no timestamps.
     device_share: Option<f64>,
+    /// Seconds of work of all host threads per second of these.
+    host_share: f64,
+    /// What traces the rays: kernels, or ray queries of the device.
+    rays: Rays,
     rays_per_second: f64,
     /// Mean over all pixels and channels. The standard error is estimated from whole iterations; it is null with fewer than two.
     image_mean: f64,
@@ -135,6 +139,8 @@ impl Report<'_> {
             render_seconds: self.seconds,
             stages: stats.stages(self.seconds),
             device_share: stats.device_share(self.seconds),
+            host_share: stats.host_share(self.seconds),
+            rays: self.renderer.rays(),
             rays_per_second: self.position().rays_per_second(),
             image_mean,
             image_mean_standard_error,

@@ -69,7 +69,7 @@ use crate::image::accumulation::{Iterations, MergedLight};
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
 use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::settings::{Rays, Settings};
 
 pub use aimed_points::{aimed_surfaces, check_aimed_points};
 pub use arrival::first_arrivals;
@@ -262,6 +262,12 @@ impl Renderer {
     /// The device that renders.
     pub fn device(&self) -> &Device {
         &self.device
+    }
+
+    /// What traces the rays: [`Rays::Hardware`] for ray queries of the device, [`Rays::Software`] for kernels.
+    #[doc(hidden)]
+    pub fn rays(&self) -> Rays {
+        if self.plan.hardware_rays { Rays::Hardware } else { Rays::Software }
     }
 
     /// Mean and variance of the pixels of the crop so far. With several responses: of the sum of their images.

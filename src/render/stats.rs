@@ -172,6 +172,15 @@ impl Stats {
         (!self.device_seconds.is_empty()).then(|| self.device_seconds.values().sum::<f64>() / wall.max(1e-9))
     }
 
+    /// Seconds of work of all host threads per second of the `wall` seconds of the iterations: the time in which they wait neither for the
+    /// device nor for each other. With [`Stats::device_share`] it exceeds 1 by the share in which device and host work at the same time,
+    /// or by less.
+    pub fn host_share(&self, wall: f64) -> f64 {
+        let of_stage = |name: &str| self.host_seconds.get(name).copied().unwrap_or_default();
+        let waits = self.submit_seconds + of_stage(stage::WAIT_FOR_LIGHT) + of_stage(stage::WAIT_FOR_FILM);
+        (wall + self.beside_seconds - waits).max(0.0) / wall.max(1e-9)
+    }
+
     /// Fraction of the tried connections that pass the tests of gate, facing and depth, in 0..=1. `None` if no connection was
     /// tried.
     pub fn live_share(&self) -> Option<f64> {
@@ -218,6 +227,16 @@ fn add(to: &mut BTreeMap<String, f64>, name: &str, seconds: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_host_works_when_it_does_not_wait() {
+        let mut stats = Stats { submit_seconds: 5.0, beside_seconds: 3.0, ..Stats::default() };
+        assert_eq!(stats.host_share(10.0), 0.8);
+        for stage in [stage::WAIT_FOR_FILM, stage::WAIT_FOR_LIGHT, stage::RECORD] {
+            stats.add_host(stage, Duration::from_secs(2));
+        }
+        assert_eq!(stats.host_share(10.0), 0.4);
+    }
 
     #[test]
     fn impossible_counts_blame_the_device() {

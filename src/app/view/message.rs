@@ -209,6 +209,8 @@ pub struct Progress {
     pub rays_per_second: f64,
     /// Share of this time in which the device ran kernels; `None` if it has no timestamps.
     pub device_share: Option<f64>,
+    /// Seconds of work of all host threads per second of this time.
+    pub host_share: f64,
     pub relmse: Option<f64>,
 }
 

@@ -62,6 +62,7 @@ impl Engine {
             iterations: full.map_or(0, |full| full.film().iterations()),
             seconds: work.seconds,
             rays_per_second: rays as f64 / work.seconds.max(1e-9),
+            host_share: full.map_or(0.0, |full| full.stats().host_share(work.seconds)),
             device_share: full.and_then(|full| full.stats().device_share(work.seconds)),
             relmse: work.relmse,
         };

@@ -16,13 +16,13 @@ export function makeWork(link) {
   let target = 0.001;
 
   function show() {
-    const { phase, samples, min_samples: least, max_samples: most, seconds, rays_per_second: rays, device_share: share, relmse } = latest;
+    const { phase, samples, min_samples: least, max_samples: most, seconds, rays_per_second: rays, device_share: share, host_share: host, relmse } = latest;
     byId('phase').textContent = PHASES[phase] ?? phase;
     byId('phase').dataset.phase = phase;
     byId('samples').textContent = least === most ? String(samples) : `${samples} (${least} to ${most})`;
     byId('seconds').textContent = duration(seconds);
     byId('rays').textContent = rays > 0 ? withPrefix(rays) : '–';
-    byId('device-share').textContent = share > 0 ? `${Math.round(100 * Math.min(1, share))} %` : '–';
+    byId('device-share').textContent = share > 0 ? `${Math.round(100 * Math.min(1, share))} % / ${Math.round(100 * host)} %` : '–';
     byId('relmse').textContent = relmse === null ? '–' : quantity(relmse, 3);
     const law = fitLaw(points);
     byId('slope').textContent = law ? law.slope.toFixed(2).replace('-', '−') : '–';
