@@ -9,6 +9,9 @@ use taugate::internals::settings::{Responses, Settings};
 
 /// The sides of the image are divided by these numbers to give the sides of the previews, the coarsest first.
 const DIVISORS: [u32; 3] = [8, 4, 2];
+/// A preview has at most one light subpath per so many pixels, but it may have this number of them.
+const PIXELS_PER_LIGHT_PATH: u32 = 16;
+const FEW_LIGHT_PATHS: u32 = 1024;
 /// Minimum side of a preview in pixels.
 const MIN_SIDE: u32 = 32;
 
@@ -95,7 +98,12 @@ fn estimate_variance(renderer: &mut Renderer, settings: &Settings) {
 }
 
 fn previews(full: &Renderer, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Vec<Renderer>> {
-    let preview = |size| full.sibling(scene, &settings.change().resolution(size).build()?, prepared);
+    let preview = |size @ [width, height]: [u32; 2]| {
+        let few = (width * height / PIXELS_PER_LIGHT_PATH).max(FEW_LIGHT_PATHS);
+        let settings = settings.change().resolution(size).build()?;
+        let paths = settings.light_paths().min(few);
+        full.sibling(scene, &settings.change().light_paths(paths).build()?, prepared)
+    };
     preview_sizes(settings.resolution(), settings.responses().len()).into_iter().map(preview).collect()
 }
 

@@ -22,8 +22,10 @@ const MIN_PIXELS: u64 = 1 << 10;
 const HEAP_PART: u64 = 4;
 /// Most workgroups of a dispatch that every device allows.
 const MAX_GROUPS: u32 = 65_535;
-/// The host copies the images when this many times the duration of the last copy has passed.
+/// The host copies the images when this many times the duration of the last copy has passed. Before the first copy, its duration follows
+/// from the bytes per second, of which a bus has at least so many.
 const PAUSE: u32 = 20;
+const BYTES_PER_SECOND: f64 = 4e9;
 
 /// Whether the device keeps the images of `plan`. It needs 64-bit numbers, memory, and gates with sharp edges that ascend and do not
 /// overlap. It must be driven as a card: a CPU gains nothing.
@@ -141,6 +143,8 @@ impl DeviceFilm {
     pub fn new(device: &Device, plan: &Plan, has_variance: bool) -> DeviceFilm {
         let (pixels, gates) = (plan.image_pixels as usize, gates(plan).unwrap_or_default());
         let film = ResponseFilm::new(pixels, gates.len(), has_variance);
+        let bytes = ResponseFilm::bytes(pixels as u64, gates.len() as u64, has_variance);
+        let took = Duration::from_secs_f64(bytes as f64 / BYTES_PER_SECOND);
         DeviceFilm {
             device: device.clone(),
             constants: plan.constants(),
@@ -154,7 +158,7 @@ impl DeviceFilm {
             samples: 0,
             length: (0, 0),
             copy: film.into(),
-            last: Mutex::new(LastCopy { stale: None, at: Instant::now(), took: Duration::ZERO }),
+            last: Mutex::new(LastCopy { stale: None, at: Instant::now(), took }),
         }
     }
 

@@ -7,13 +7,15 @@ const FRAME: f64 = 0.025;
 /// A preview of the whole size comes only if it will take at most so many seconds.
 const LONGEST_OF_WHOLE_SIZE: f64 = 2.0 * FRAME;
 
-/// Seconds that the last preview of each size took. On a graphics card, a fine preview may take little longer than a coarse one.
+/// Seconds that a preview of each size takes. On a graphics card, a fine preview may take little longer than a coarse one.
 #[derive(Default)]
 pub struct Pace(BTreeMap<[u32; 2], f64>);
 
 impl Pace {
+    /// Notes how long a preview took. One that took longer than the one before counts half: the size of pictures should change rarely.
     pub fn note(&mut self, size: [u32; 2], seconds: f64) {
-        self.0.insert(size, seconds);
+        let before = self.0.get(&size).copied().unwrap_or(seconds);
+        self.0.insert(size, seconds.min(0.5 * (before + seconds)));
     }
 
     /// Index of the first preview of a series: the finest one that takes at most a frame, and so do all coarser ones. `sizes`: those of
@@ -54,6 +56,12 @@ mod tests {
         // The coarsest one was slow, so the others are not known to be fast any more.
         assert_eq!(first(&[0.1, 0.005, 0.009, 0.02]), 0);
         assert_eq!(pace(&[0.01]).first(&[]), 0);
+        // One late preview does not change the size, two do.
+        let mut pace = pace(&[0.01, 0.01]);
+        for (seconds, first) in [(0.035, 1), (0.035, 0), (0.01, 1)] {
+            pace.note(SIZES[1], seconds);
+            assert_eq!(pace.first(&SIZES), first, "{seconds} s");
+        }
     }
 
     #[test]
