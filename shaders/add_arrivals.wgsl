@@ -24,7 +24,8 @@ fn add_arrivals(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x > 0u && pixel_at(id.x - 1u) == pixel) {
         return;
     }
-    let share = 1.0 / f32(samples_of_pixel(path_at(id.x)));
+    // Rounded as on the host: Vulkan does not require that of divisions of f32.
+    let share = f32(1.0lf / f64(samples_of_pixel(path_at(id.x))));
     let place = dispatch.first + crop_index(pixel);
     for (var element = id.x; element < count && pixel_at(element) == pixel; element++) {
         for (var k = 0u; k < dispatch.rank; k++) {
@@ -40,17 +41,16 @@ fn add_arrivals(@builtin(global_invocation_id) id: vec3<u32>) {
 
 // Adds `dispatch.count` splats (t = 1) in `observed`, whose paths are indices of pixels and ascend.
 @compute @workgroup_size(WORKGROUP)
-fn add_splats(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= dispatch.count) {
-        return;
-    }
-    let pixel = observed[id.x].path;
-    if (id.x > 0u && observed[id.x - 1u].path == pixel) {
-        return;
-    }
-    for (var at = id.x; at < dispatch.count && observed[at].path == pixel; at++) {
-        let splat = observed[at];
-        add(pixel, splat.detail, vec3<f32>(splat.red, splat.green, splat.blue));
+fn add_splats(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    for (var first = id.x; first < dispatch.count; first += WORKGROUP * groups.x) {
+        let pixel = observed[first].path;
+        if (first > 0u && observed[first - 1u].path == pixel) {
+            continue;
+        }
+        for (var at = first; at < dispatch.count && observed[at].path == pixel; at++) {
+            let splat = observed[at];
+            add(pixel, splat.detail, vec3<f32>(splat.red, splat.green, splat.blue));
+        }
     }
 }
 

@@ -19,7 +19,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     for (index, device) in devices.iter().enumerate() {
         super::print(&format!(
             "{index}: {}{}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
-             {}, one texel buffer {}\n   host and device: {}\n   ray queries: {}\n",
+             {}, one texel buffer {}\n   host and device: {}\n   ray queries: {}\n   images of many gates: {}\n",
             device.name,
             match device.kind {
                 DeviceKind::Discrete => " (discrete card)",
@@ -42,6 +42,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
                 RaySupport::Software => "in software, used only with --rays hardware",
                 RaySupport::Hardware => "yes, used only with --rays hardware",
             },
+            if device.may_keep_images() { "on the device, if they fit" } else { "on the host" },
         ))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -70,6 +71,7 @@ fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
         "subgroup_size": device.subgroup_size,
         "drive": device.drive,
         "ray_queries": device.quirks.rays,
+        "keeps_images_of_gates": device.may_keep_images(),
         "unusable": device.unusable,
     })
 }

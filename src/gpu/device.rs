@@ -93,10 +93,10 @@ impl Device {
         self.shared.allocations.load(Ordering::Relaxed)
     }
 
-    /// Counts as lost from the next submit on.
+    /// Counts as lost after so many further submits.
     #[cfg(test)]
-    pub fn lose(&self) {
-        self.shared.lost_after.store(0, Ordering::Relaxed);
+    pub fn lose_after(&self, submits: u64) {
+        self.shared.lost_after.store(self.waits() + submits, Ordering::Relaxed);
     }
 
     pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {

@@ -72,6 +72,12 @@ impl DeviceInfo {
         self.kind == DeviceKind::Software
     }
 
+    /// Whether the device may keep the images of many gates: it computes with 64 bits, and does not work in the host's memory.
+    #[doc(hidden)]
+    pub fn may_keep_images(&self) -> bool {
+        self.has_f64 && !self.drive.waits_per_bounce
+    }
+
     /// Maximum size in bytes of a storage buffer that can be both allocated and bound.
     pub fn largest_buffer(&self) -> u64 {
         self.max_storage_buffer_range.min(self.max_allocation)

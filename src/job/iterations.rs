@@ -74,7 +74,25 @@ impl Iterate for Renderer {
 impl Iterations<'_> {
     /// Calls `watch` after each iteration with the time since the call of this function. Fails as [`Renderer::iterate`] does. But an
     /// error of the device is [`End::Failed`] if the film has samples.
-    pub fn run(&self, of: &mut impl Iterate, mut watch: impl FnMut(&Renderer, Duration)) -> Result<End> {
+    pub fn run(&self, of: &mut impl Iterate, watch: impl FnMut(&Renderer, Duration)) -> Result<End> {
+        let end = self.add_iterations(of, watch);
+        let renderer = of.renderer();
+        let error = match end {
+            Err(error) => {
+                // Between two iterations, too, a lost device may have had the images of responses.
+                renderer.abandon();
+                error
+            }
+            Ok(end) => match renderer.settle() {
+                Ok(()) => return Ok(end),
+                Err(error) => error,
+            },
+        };
+        let is_left = error.kind() == ErrorKind::Device && renderer.rendered().samples > 0;
+        if is_left { Ok(End::Failed(error)) } else { Err(error) }
+    }
+
+    fn add_iterations(&self, of: &mut impl Iterate, mut watch: impl FnMut(&Renderer, Duration)) -> Result<End> {
         let (started, never) = (Instant::now(), Arc::default());
         let is_bad = |renderer: &Renderer| self.strict && renderer.dropped() > 0;
         // The sums that a render continues may lack samples.
@@ -94,9 +112,6 @@ impl Iterations<'_> {
                 Ok(true) if is_bad(of.renderer()) => break,
                 Ok(true) => watch(of.renderer(), started.elapsed()),
                 Ok(false) => return Ok(End::Stopped),
-                Err(error) if error.kind() == ErrorKind::Device && of.renderer().rendered().samples > 0 => {
-                    return Ok(End::Failed(error));
-                }
                 Err(error) => return Err(error),
             }
         }

@@ -43,6 +43,16 @@ impl Renderer {
         done
     }
 
+    /// Copies the images of the responses to the host, if the device keeps them. If the device is lost, the render goes back to the last
+    /// copy.
+    pub(crate) fn settle(&mut self) -> Result<()> {
+        let done = self.responses.as_ref().map_or(Ok(()), |images| images.film().map(drop));
+        if done.is_err() {
+            self.restore_images();
+        }
+        done
+    }
+
     /// Undoes an iteration that is not complete in the images of the responses. What else the render has follows them.
     pub(super) fn restore_images(&mut self) {
         match self.responses.as_mut().map_or(Undone::All, ResponseImages::restore) {
@@ -70,11 +80,13 @@ mod tests {
 
     use crate::generate::{Kind, build};
     use crate::gpu::{Device, Drive};
+    use crate::job::iterations::{Abandons, End, Iterations};
     use crate::render::responses::{DeviceFilm, ResponseImages};
+    use crate::render::schedule::Schedule;
     use crate::render::{Renderer, Tuning};
     use crate::settings::gates::Gates;
     use crate::settings::units::Gate;
-    use crate::settings::{Estimator, Sampling, Settings};
+    use crate::settings::{Budget, Estimator, Sampling, Settings};
 
     fn renderer(device: &Device, is_on_device: bool) -> Renderer {
         let gates = Gates::new(Gate { lo: 4.0, hi: 8.0 }, 4).unwrap();
@@ -129,7 +141,9 @@ mod tests {
                     on_device(&renderer).copy_never();
                 }
             }
-            device.lose();
+            device.lose_after(0);
+            // A look after the loss does not cost the copy.
+            assert_eq!(renderer.responses().is_ok(), done == 4);
             assert!(renderer.iterate(2).is_err());
             let rendered = renderer.rendered();
             assert_eq!((rendered.iterations, rendered.end, rendered.samples), (done, done, 2 * u64::from(done)));
@@ -138,5 +152,67 @@ mod tests {
             assert!(bits(&renderer) == bits(&expected), "{done} iterations");
             assert_eq!(renderer.stats().samples, expected.stats().samples);
         }
+    }
+
+    /// Whenever the device is lost, the images of the gates and their sum have the same iterations, and the program can write them.
+    #[test]
+    fn images_agree_whenever_the_device_is_lost() {
+        if !Device::open(None).expect("this test needs a Vulkan device").info().has_f64 {
+            return eprintln!("skipped: the device does not compute with 64 bits");
+        }
+        let (mut failed, mut black) = (0, 0);
+        for submits in 1.. {
+            let device = Device::open_with_drive(None, Some(Drive::CARD)).unwrap();
+            let mut renderer = renderer(&device, true);
+            device.lose_after(submits);
+            let iterations = Iterations {
+                schedule: Schedule::whole(Budget::Spp(8)),
+                strict: false,
+                stop: &Arc::default(),
+                abandons: Abandons::All,
+            };
+            let mut looks = 0;
+            // As a checkpoint looks. Later copies are made at the end alone.
+            let end = iterations.run(&mut renderer, |renderer, _| {
+                looks += u32::from(renderer.rendered().iterations == 2 && renderer.responses().is_ok());
+                on_device(renderer).copy_never();
+            });
+            let done = renderer.film().iterations();
+            assert_eq!(renderer.responses().unwrap().unwrap().length().1, done, "{submits} submits");
+            match end {
+                Ok(End::Complete) => {
+                    assert_eq!((done, failed > 3, black > 3), (4, true, true));
+                    return;
+                }
+                Ok(End::Failed(_)) => {
+                    assert!(looks == 1 && done == 2, "{submits} submits: {done} iterations");
+                    failed += 1;
+                }
+                _ => {
+                    assert_eq!(done, 0);
+                    black += 1;
+                }
+            }
+        }
+    }
+
+    /// As when a lamp has left the scene.
+    #[test]
+    fn a_dark_iteration_adds_no_light() {
+        let device = Device::open_with_drive(None, Some(Drive::CARD)).expect("this test needs a Vulkan device");
+        if !device.info().has_f64 {
+            return eprintln!("skipped: the device does not compute with 64 bits");
+        }
+        let [expected, found] = [false, true].map(|is_on_device| {
+            let mut renderer = renderer(&device, is_on_device);
+            renderer.iterate(2).unwrap();
+            // This light belongs to no iteration.
+            assert!(renderer.iterate_rows(2, 0..4, &Arc::default()).unwrap());
+            renderer.abandon();
+            renderer.plan.dark = true;
+            renderer.iterate(2).unwrap();
+            bits(&renderer)
+        });
+        assert!(expected == found);
     }
 }

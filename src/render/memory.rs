@@ -21,7 +21,9 @@ use crate::wgsl::layout::PathVertex;
 const VERTICES_PER_PATH: u32 = 4;
 /// Maximum number of host bytes per triangle while the BVH is built: corners, boxes, two node formats, order.
 const BUILD_BYTES: u64 = 320;
-/// Host bytes per pixel: 96 for the double-double sums of the film, 4 for its cells, 12 for the image of an iteration, 16 for a copy
+/// Host bytes per pixel of the double-double sums of the film.
+const FILM_BYTES: u64 = 96;
+/// Host bytes per pixel: [`FILM_BYTES`], 4 for its cells, 12 for the image of an iteration, 16 for a copy
 /// of the device's film, 8 for the list of pixels in sample order.
 const PIXEL_BYTES: u64 = 136;
 /// Host bytes per pixel of the image that another iteration in flight has: 12 of t = 1, 16 of the device's film, 12 of the total of several
@@ -83,16 +85,22 @@ impl MemoryPlan {
     ) -> Result<MemoryPlan> {
         let unlimited = DeviceInfo::unlimited();
         let info = device.unwrap_or(&unlimited);
-        let plan = Plan::new(scene, settings, prepared, info.quirks)?;
+        let mut plan = Plan::new(scene, settings, prepared, info.quirks)?;
         let (scene_buffers, mut iteration) =
             (DeviceScene::buffer_descs(prepared, plan.hardware_rays), iteration_buffers(info, &plan, prepared));
-        if on_device::is_suited(info, &plan) {
-            iteration.extend(DeviceFilm::buffer_descs(&plan));
-        }
         let vertices = plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth));
         // A photon may be stored at several bounces.
         let photons = if plan.merging.is_some() { 2 * plan.photons(plan.max_samples()) as usize } else { 0 };
         let pool = pool_buffers(&plan, vertices, photons);
+        if on_device::is_suited(info, &plan) {
+            let film = DeviceFilm::buffer_descs(&plan);
+            let all = sum(&scene_buffers) + sum(&iteration) + sum(&pool) + sum(&film);
+            // The pool is an estimate, and other programs need memory, too.
+            plan.tuning.device_film = Some(all <= info.heap_bytes / 8 * 7);
+            if plan.tuning.device_film == Some(true) {
+                iteration.extend(film);
+            }
+        }
         let buffers = sum(&scene_buffers) + sum(&iteration) + sum(&pool);
         let triangles = prepared.triangles() as u64;
         let flat = DeviceScene::host_bytes(prepared) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
@@ -102,7 +110,8 @@ impl MemoryPlan {
         // Each iteration in flight has an image and light vertices on the host.
         let pools = u64::from(info.drive.in_flight);
         let adaptive = if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 };
-        let pixels = (PIXEL_BYTES + adaptive + (pools - 1) * IMAGE_BYTES) * plan.crop_pixels;
+        let kept = if plan.tuning.device_film == Some(true) { FILM_BYTES + adaptive } else { 0 };
+        let pixels = (PIXEL_BYTES + adaptive + kept + (pools - 1) * IMAGE_BYTES) * plan.crop_pixels;
         let host_bytes = PROGRAM_BYTES
             + scene_bytes(scene)
             + (BUILD_BYTES * triangles).max(flat + on_host + pixels + pools * VERTEX_BYTES * u64::from(vertices));

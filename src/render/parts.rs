@@ -80,10 +80,13 @@ impl Renderer {
         self.copy_images_if_due()
     }
 
-    /// Gives up an iteration that is not complete. A render of several responses may have to begin anew, see [`Renderer::iterate`].
+    /// Gives up an iteration that is not complete. A render of several responses may have to begin anew, see [`Renderer::iterate`]. If the
+    /// device is lost, goes back to what the host has of the images, even if no iteration has begun.
     pub(crate) fn abandon(&mut self) {
-        let Some(begun) = self.begun.take() else { return };
-        self.stats = begun.before;
-        self.restore_images();
+        let begun = self.begun.take();
+        if begun.is_some() || self.device.is_lost() {
+            self.stats = begun.map_or(self.stats.clone(), |begun| begun.before);
+            self.restore_images();
+        }
     }
 }

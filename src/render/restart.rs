@@ -3,7 +3,6 @@
 #![warn(missing_docs)]
 
 use super::prepared_scene::{PreparedScene, set_seeds};
-use super::responses::ResponseImages;
 use super::schedule::Following;
 use super::sums::Added;
 use super::{Iterations, Renderer, Stats};
@@ -114,7 +113,7 @@ impl Renderer {
             allocation.restart();
         }
         if let Some(responses) = &mut self.responses {
-            *responses = ResponseImages::new(&self.device, &self.plan, responses.has_variance());
+            responses.clear(&self.device, &self.plan);
         }
         (self.done, self.begun, self.kept) = (Iterations::default(), None, None);
         (self.next, self.first_sample, self.dropped_before) = (0, 0, 0);

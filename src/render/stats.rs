@@ -173,8 +173,7 @@ impl Stats {
     }
 
     /// Seconds of work of all host threads per second of the `wall` seconds of the iterations: the time in which they wait neither for the
-    /// device nor for each other. With [`Stats::device_share`] it exceeds 1 by the share in which device and host work at the same time,
-    /// or by less.
+    /// device nor for each other. Above 1, several threads worked at a time.
     pub fn host_share(&self, wall: f64) -> f64 {
         let of_stage = |name: &str| self.host_seconds.get(name).copied().unwrap_or_default();
         let waits = self.submit_seconds + of_stage(stage::WAIT_FOR_LIGHT) + of_stage(stage::WAIT_FOR_FILM);

@@ -29,17 +29,13 @@ use super::viewed_scene::{Effect, ViewedScene};
 use super::{Answers, describe};
 use iteration::{change, sum};
 use pace::Pace;
+pub use pace::Preview;
 use probed::Probed;
 
 /// Minimum time between two pictures while no page is connected.
 const WITHOUT_PAGE: Duration = Duration::from_secs(10);
 /// The full image is prepared when the camera has not moved for this time.
 const SETTLED: Duration = Duration::from_millis(300);
-/// If the full image will take less than this many seconds, no finer preview comes first.
-const SOON: f64 = 0.3;
-/// Samples per pixel of a preview, and of one of the whole size.
-const PREVIEW_SAMPLES: u32 = 2;
-const WHOLE_SIZE_SAMPLES: u32 = 1;
 /// The time between two pictures is at least this many times the time that one picture takes.
 const TIME_PER_PICTURE: u32 = 20;
 /// Time between two attempts to show a finished image in tev, which the user may start again. tev gets only what it does not have. An
@@ -220,8 +216,9 @@ impl Engine {
         if matches!(effect, Effect::Settings | Effect::All) {
             work.pace = Pace::default();
         }
-        let sizes = work.renderers.as_ref().map_or(vec![], Renderers::preview_sizes);
-        work.first_preview = work.pace.first(&sizes);
+        let previews =
+            work.renderers.as_ref().map_or(vec![], |renderers| renderers.list_previews(settings.resolution()));
+        work.first_preview = work.pace.first(&previews);
         (work.previews, work.seconds, work.relmse) = (work.first_preview, 0.0, None);
         // The first picture of the new image is shown at once.
         (work.last_picture, work.has_news) = (None, false);
@@ -306,30 +303,23 @@ impl Engine {
         self.work.renderers.as_ref().is_some_and(|renderers| !renderers.previews.is_empty())
     }
 
-    /// Renders the next preview and publishes it. The first one of a series is never abandoned. Skips finer previews if the full image
-    /// will be ready soon, and one of the whole size if it would take long.
+    /// Renders the next preview and publishes it. The first one of a series is never abandoned. [`Pace`] decides which ones follow.
     fn preview_step(&mut self) -> Result<Next> {
         let work = &mut self.work;
         let renderers = work.renderers.as_mut().expect("the scene is prepared");
-        let (sizes, whole) = (renderers.preview_sizes(), self.viewed.view().settings.resolution());
-        let (preview, size) = (&mut renderers.previews[work.previews], sizes[work.previews]);
+        let whole = self.viewed.view().settings.resolution();
+        let (previews, at) = (renderers.list_previews(whole), work.previews);
         let start = Instant::now();
         let never = Arc::default();
-        let stop = if work.previews == work.first_preview { &never } else { &self.stop };
-        let samples = if size == whole { WHOLE_SIZE_SAMPLES } else { PREVIEW_SAMPLES };
-        if !preview.iterate_unless(samples, stop)? {
+        let stop = if at == work.first_preview { &never } else { &self.stop };
+        let preview = &mut renderers.previews[at];
+        if !preview.iterate_unless(previews[at].samples, stop)? {
             return Ok(Next::Step);
         }
         self.board.picture(Picture::new(preview, work.revision));
-        let seconds = start.elapsed().as_secs_f64();
-        work.pace.note(size, seconds);
-        let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
-        let is_soon = work.moved.is_none() && seconds * pixels(whole) / pixels(size) < SOON;
-        work.previews += 1;
-        let goes_on = |&next: &[u32; 2]| !is_soon && work.pace.goes_on(size, next, whole);
-        if !sizes.get(work.previews).is_some_and(goes_on) {
-            work.previews = usize::MAX;
-        }
+        work.pace.note(previews[at], start.elapsed().as_secs_f64());
+        let goes_on = work.pace.goes_on(&previews, at, work.moved.is_none().then_some(whole));
+        work.previews = if goes_on { at + 1 } else { usize::MAX };
         self.report_progress(Phase::Coarse);
         Ok(Next::Step)
     }

@@ -7,6 +7,8 @@ use taugate::internals::render::{PreparedScene, Renderer, missing_light_at_any_t
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::{Responses, Settings};
 
+use super::engine::Preview;
+
 /// The sides of the image are divided by these numbers to give the sides of the previews, the coarsest first.
 const DIVISORS: [u32; 3] = [8, 4, 2];
 /// A preview has at most one light subpath per so many pixels, but it may have this number of them.
@@ -49,9 +51,10 @@ impl Renderers {
         Ok(())
     }
 
-    /// The sizes of the previews in pixels.
-    pub fn preview_sizes(&self) -> Vec<[u32; 2]> {
-        self.previews.iter().map(|preview| [preview.film().width(), preview.film().height()]).collect()
+    /// The sizes and samples of the previews of an image of the size `whole`.
+    pub fn list_previews(&self, whole: [u32; 2]) -> Vec<Preview> {
+        let of = |preview: &Renderer| Preview::new([preview.film().width(), preview.film().height()], whole);
+        self.previews.iter().map(of).collect()
     }
 
     /// Begins again with another seed and other responses.

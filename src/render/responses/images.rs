@@ -57,6 +57,17 @@ impl ResponseImages {
         }
     }
 
+    /// Black images for the responses of `plan`, with variances if there were any.
+    pub fn clear(&mut self, device: &Device, plan: &Plan) {
+        let is_cleared = match self {
+            OnDevice(film) if on_device::is_suited(device.info(), plan) => film.clear(plan),
+            _ => false,
+        };
+        if !is_cleared {
+            *self = ResponseImages::new(device, plan, self.has_variance());
+        }
+    }
+
     /// Goes on from the images of earlier iterations.
     pub fn resume(&mut self, film: ResponseFilm) {
         match self {
@@ -67,9 +78,14 @@ impl ResponseImages {
 
     /// Goes on in another scene with the same responses.
     pub fn follow(&mut self, plan: &Plan) -> Result<()> {
-        match self {
-            OnHost(sums) => sums.follow(plan),
-            OnDevice(film) => film.follow(plan)?,
+        if let OnDevice(film) = self {
+            if film.follow(plan)? {
+                return Ok(());
+            }
+            self.move_to_host(plan)?;
+        }
+        if let OnHost(sums) = self {
+            sums.follow(plan);
         }
         Ok(())
     }
@@ -85,16 +101,21 @@ impl ResponseImages {
     pub fn begin(&mut self, plan: &Plan, samples: u32) -> Result<()> {
         if let OnDevice(film) = self {
             match film.begin(samples) {
-                Err(error) if error.kind() == ErrorKind::Device && film.has_copy() => {
-                    let mut sums = ResponseSums::new(plan, film.has_variance());
-                    sums.resume(film.film()?.clone());
-                    *self = OnHost(sums.into());
-                }
+                Err(error) if error.kind() == ErrorKind::Device && film.has_copy() => self.move_to_host(plan)?,
                 other => return other,
             }
         }
         if let OnHost(sums) = self {
             sums.begin(samples);
+        }
+        Ok(())
+    }
+
+    fn move_to_host(&mut self, plan: &Plan) -> Result<()> {
+        if let OnDevice(film) = self {
+            let mut sums = ResponseSums::new(plan, film.has_variance());
+            sums.resume(film.film()?.clone());
+            *self = OnHost(sums.into());
         }
         Ok(())
     }

@@ -22,21 +22,22 @@ const MIN_PIXELS: u64 = 1 << 10;
 const HEAP_PART: u64 = 4;
 /// Most workgroups of a dispatch that every device allows.
 const MAX_GROUPS: u32 = 65_535;
-/// The host copies the images when this many times the duration of the last copy has passed. Before the first copy, its duration follows
-/// from the bytes per second, of which a bus has at least so many.
+/// The host copies the images when this many times the duration of the last copy has passed, and at least this time. Before the first copy,
+/// its duration follows from the bytes per second, of which a bus has at least so many.
 const PAUSE: u32 = 20;
+const MIN_PAUSE: Duration = Duration::from_millis(250);
 const BYTES_PER_SECOND: f64 = 4e9;
 
 /// Whether the device keeps the images of `plan`. It needs 64-bit numbers, memory, and gates with sharp edges that ascend and do not
 /// overlap. It must be driven as a card: a CPU gains nothing.
 pub fn is_suited(info: &DeviceInfo, plan: &Plan) -> bool {
-    let bytes = |desc: &BufferDesc| desc.bytes <= info.largest_buffer();
     let fits = || {
         let descs = DeviceFilm::buffer_descs(plan);
         let all: u64 = descs.iter().map(|desc| desc.bytes).sum();
-        descs.iter().all(bytes) && all <= info.heap_bytes / HEAP_PART && values(plan) < 1 << 31
+        let are_bound = descs.iter().all(|desc| desc.bytes <= info.largest_buffer());
+        are_bound && all <= info.heap_bytes / HEAP_PART && values(plan) < 1 << 31
     };
-    let is_wanted = plan.tuning.device_film.unwrap_or(plan.image_pixels >= MIN_PIXELS && !info.drive.waits_per_bounce);
+    let is_wanted = plan.tuning.device_film.unwrap_or(plan.image_pixels >= MIN_PIXELS && info.may_keep_images());
     let can = plan.observe == Observe::Responses && info.has_f64;
     can && is_wanted && gates(plan).is_some() && fits()
 }
@@ -60,8 +61,9 @@ pub struct DeviceFilm {
     /// Entries of a shade point for the light of photons.
     merged_entries: u32,
     has_variance: bool,
-    /// `None` before the first iteration.
+    /// `None` before the first iteration. `is_new`: their images must be cleared first.
     objects: Option<Objects>,
+    is_new: bool,
     /// Whether the sums of the present iteration are 0 on the device, as they are between two iterations; and whether they must be cleared.
     is_clean: bool,
     must_clear: bool,
@@ -153,6 +155,7 @@ impl DeviceFilm {
             merged_entries: plan.merged_entries(),
             has_variance,
             objects: None,
+            is_new: false,
             is_clean: false,
             must_clear: false,
             samples: 0,
@@ -170,11 +173,25 @@ impl DeviceFilm {
         self.copy = film.into();
     }
 
-    /// Goes on in another scene with the same gates.
-    pub fn follow(&mut self, plan: &Plan) -> Result<()> {
-        self.gates = gates(plan).unwrap_or_default();
-        let Some(objects) = &mut self.objects else { return Ok(()) };
-        objects.buffers.gates.write(0, &self.gates)
+    /// Goes on in another scene with the same responses. Returns false, and changes nothing, if the device cannot keep their images: other
+    /// units may round other gates to the same ends.
+    pub fn follow(&mut self, plan: &Plan) -> Result<bool> {
+        let Some(gates) = gates(plan).filter(|gates| gates.len() == self.gates.len()) else { return Ok(false) };
+        (self.gates, self.merged_entries) = (gates, plan.merged_entries());
+        if let Some(objects) = &mut self.objects {
+            objects.buffers.gates.write(0, &self.gates)?;
+        }
+        Ok(true)
+    }
+
+    /// Clears the images, for the responses of `plan`. Returns false, and changes nothing, if they need other buffers.
+    pub fn clear(&mut self, plan: &Plan) -> bool {
+        let fits = |gates: &Vec<[f32; 2]>| gates.len() == self.gates.len() && plan.image_pixels == self.pixels as u64;
+        let Some(gates) = gates(plan).filter(fits) else { return false };
+        let objects = self.objects.take();
+        *self = DeviceFilm::new(&self.device, plan, self.has_variance);
+        (self.gates, self.objects, self.is_new) = (gates, objects, true);
+        true
     }
 
     pub fn has_variance(&self) -> bool {
@@ -191,16 +208,20 @@ impl DeviceFilm {
         self.copy.get().is_some()
     }
 
-    /// The images. Copies them if the copy lacks iterations, which fails if the device is lost.
+    /// The images. Copies them if the copy lacks iterations, which fails if the device is lost. Only if it gets lost meanwhile, the last
+    /// copy is lost, too.
     pub fn film(&self) -> Result<&ResponseFilm> {
         let mut last = self.last();
-        let film = match self.copy.get() {
-            Some(film) => return Ok(film),
-            None => last.stale.take(),
-        };
+        if let Some(film) = self.copy.get() {
+            return Ok(film);
+        }
         let start = Instant::now();
-        let mut film = film.unwrap_or_else(|| ResponseFilm::new(self.pixels, self.responses(), self.has_variance));
-        if let Some(Objects { buffers, .. }) = &self.objects {
+        let objects = self.objects.as_ref();
+        // A device that is lost already must not cost the last copy.
+        objects.map(|objects| objects.buffers.total.buffer().read::<f32>(0, &mut [0.0])).transpose()?;
+        let new = || ResponseFilm::new(self.pixels, self.responses(), self.has_variance);
+        let mut film = last.stale.take().unwrap_or_else(new);
+        if let Some(Objects { buffers, .. }) = objects {
             let [sums, squares] = film.replace(self.length);
             buffers.sums.read(0, sums)?;
             buffers.squares.read(0, squares)?;
@@ -212,7 +233,7 @@ impl DeviceFilm {
     /// Copies the images if the last copy is old.
     pub fn copy_if_due(&self) -> Result<()> {
         let last = self.last();
-        let is_due = last.at.elapsed() >= PAUSE * last.took;
+        let is_due = last.at.elapsed() >= MIN_PAUSE.max(PAUSE * last.took);
         drop(last);
         if is_due { self.film().map(drop) } else { Ok(()) }
     }
@@ -242,11 +263,19 @@ impl DeviceFilm {
     /// Begins an iteration with `samples` samples per pixel on average.
     pub fn begin(&mut self, samples: u32) -> Result<()> {
         self.samples = samples;
-        if self.objects.is_none() {
-            let film = self.copy.get().expect("images without objects have a copy");
-            self.objects = Some(Objects::new(&self.device, &self.constants, &self.gates, film)?);
-            self.is_clean = false;
+        match &mut self.objects {
+            None => {
+                let film = self.copy.get().expect("images without objects have a copy");
+                self.objects = Some(Objects::new(&self.device, &self.constants, &self.gates, film)?);
+                self.is_clean = false;
+            }
+            Some(objects) if self.is_new => {
+                objects.buffers.gates.write(0, &self.gates)?;
+                objects.clear(3 * self.pixels * self.gates.len(), self.has_variance)?;
+            }
+            Some(_) => {}
         }
+        self.is_new = false;
         self.must_clear = !std::mem::take(&mut self.is_clean);
         Ok(())
     }
@@ -270,12 +299,13 @@ impl DeviceFilm {
         };
         let entries: Vec<SensorContribution> = splats.iter().map(entry).collect();
         if buffer.size() < size_of_val(&entries[..]) as u64 {
-            let count = entries.len().next_power_of_two();
+            let most = self.device.info().largest_buffer() / size_of::<SensorContribution>() as u64;
+            let count = entries.len().next_power_of_two().min(most as usize).max(entries.len());
             *buffer = Buffer::new::<SensorContribution>(&self.device, "splats", count, "use fewer --splat-paths")?;
         }
         buffer.write(0, &entries)?;
         let bound = k.splats.bind(&[&buffers.bindings()[..], &[("observed", buffer)]].concat())?;
-        let (count, groups) = (entries.len() as u32, k.splats.groups(entries.len()));
+        let (count, groups) = (entries.len() as u32, k.splats.groups(entries.len()).min(MAX_GROUPS));
         recorder.dispatch("add_arrivals", &k.splats, &bound, &Dispatch { count, ..constants }, groups)
     }
 
@@ -292,6 +322,10 @@ impl DeviceFilm {
     pub fn end(&mut self, stats: &mut Stats) -> Result<Vec<f32>> {
         let (values, constants) = (3 * self.pixels * self.responses(), self.dispatch());
         let Objects { kernels: k, buffers, recorder, .. } = self.objects.as_mut().expect("an iteration has begun");
+        // An iteration in which all is dark has no splats.
+        if std::mem::take(&mut self.must_clear) {
+            dispatch_over(recorder, &k.clear_present, buffers, Dispatch { count: values as u32, ..constants })?;
+        }
         dispatch_over(recorder, &k.total, buffers, Dispatch { count: self.pixels as u32, ..constants })?;
         let add = Dispatch { count: values as u32, rank: self.samples, ..constants };
         dispatch_over(recorder, &k.add, buffers, add)?;
@@ -337,19 +371,23 @@ impl Objects {
         };
         let mut buffers: Buffers = Buffers::new(device, film.pixels(), gates.len(), film.has_variance())?;
         buffers.gates.write(0, gates)?;
-        let mut recorder = Recorder::new(device)?;
+        let splats = Buffer::new::<SensorContribution>(device, "splats", 1, "use fewer --splat-paths")?;
+        let mut objects = Objects { kernels, buffers, splats, recorder: Recorder::new(device)? };
         let [sums, squares] = film.sums();
         if film.length().1 > 0 {
-            buffers.sums.write(0, sums)?;
-            buffers.squares.write(0, squares)?;
+            objects.buffers.sums.write(0, sums)?;
+            objects.buffers.squares.write(0, squares)?;
         } else {
-            let (count, counter) = (sums.len() as u32, film.has_variance().into());
-            let all = Dispatch { count, counter, ..bytemuck::Zeroable::zeroed() };
-            dispatch_over(&mut recorder, &kernels.clear_sums, &buffers, all)?;
-            recorder.submit()?;
+            objects.clear(sums.len(), film.has_variance())?;
         }
-        let splats = Buffer::new::<SensorContribution>(device, "splats", 1, "use fewer --splat-paths")?;
-        Ok(Objects { kernels, buffers, splats, recorder })
+        Ok(objects)
+    }
+
+    /// Clears the images, of so many values.
+    fn clear(&mut self, values: usize, has_variance: bool) -> Result<()> {
+        let all = Dispatch { count: values as u32, counter: has_variance.into(), ..bytemuck::Zeroable::zeroed() };
+        dispatch_over(&mut self.recorder, &self.kernels.clear_sums, &self.buffers, all)?;
+        self.recorder.submit().map(drop)
     }
 }
 

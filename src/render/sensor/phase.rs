@@ -124,7 +124,9 @@ impl SensorObjects {
 
     /// The film of so many pixels, see [`Buffers::film`], and the mean luminance of the merged light. Fails if the device's counts
     /// contradict each other.
-    pub fn film(&self, pixels: usize, stats: &mut Stats) -> Result<(Vec<[f32; 4]>, f64)> {
+    pub fn film(&mut self, pixels: usize, stats: &mut Stats) -> Result<(Vec<[f32; 4]>, f64)> {
+        // It would keep the images alive.
+        self.adding = None;
         // Samples of later iterations must not follow a film that is wrong.
         stats.check()?;
         let SensorTracer { buffers, kernels, .. } = &self.tracer;
