@@ -88,6 +88,16 @@ mod tests {
     use crate::settings::units::Gate;
     use crate::settings::{Budget, Estimator, Sampling, Settings};
 
+    /// A device that is driven as a card; `None` if it does not compute with 64 bits.
+    fn card() -> Option<Device> {
+        let device = Device::open_with_drive(None, Some(Drive::CARD)).expect("this test needs a Vulkan device");
+        let has_f64 = device.info().has_f64;
+        if !has_f64 {
+            eprintln!("skipped: the device does not compute with 64 bits");
+        }
+        has_f64.then_some(device)
+    }
+
     fn renderer(device: &Device, is_on_device: bool) -> Renderer {
         let gates = Gates::new(Gate { lo: 4.0, hi: 8.0 }, 4).unwrap();
         let settings = Settings::builder().estimator(Estimator::Bdpt).resolution([8, 8]).light_paths(100);
@@ -108,10 +118,7 @@ mod tests {
     /// As a rolling shutter renders them.
     #[test]
     fn parts_of_an_iteration_go_to_their_own_rows() {
-        let device = Device::open_with_drive(None, Some(Drive::CARD)).expect("this test needs a Vulkan device");
-        if !device.info().has_f64 {
-            return eprintln!("skipped: the device does not compute with 64 bits");
-        }
+        let Some(device) = card() else { return };
         let [expected, found] = [false, true].map(|is_on_device| {
             let mut renderer = renderer(&device, is_on_device);
             for rows in [0..3, 3..4, 4..8].into_iter().cycle().take(6) {
@@ -125,12 +132,8 @@ mod tests {
     /// Somebody looks at the images after some iterations. Later ones are not copied.
     #[test]
     fn a_lost_device_takes_what_was_not_copied() {
-        let open = || Device::open_with_drive(None, Some(Drive::CARD)).expect("this test needs a Vulkan device");
-        if !open().info().has_f64 {
-            return eprintln!("skipped: the device does not compute with 64 bits");
-        }
         for done in [2, 4] {
-            let device = open();
+            let Some(device) = card() else { return };
             let mut renderer = renderer(&device, true);
             renderer.iterate(2).unwrap();
             on_device(&renderer).copy_never();
@@ -147,7 +150,7 @@ mod tests {
             assert!(renderer.iterate(2).is_err());
             let rendered = renderer.rendered();
             assert_eq!((rendered.iterations, rendered.end, rendered.samples), (done, done, 2 * u64::from(done)));
-            let mut expected = self::renderer(&open(), true);
+            let mut expected = self::renderer(&card().unwrap(), true);
             (0..done).for_each(|_| expected.iterate(2).unwrap());
             assert!(bits(&renderer) == bits(&expected), "{done} iterations");
             assert_eq!(renderer.stats().samples, expected.stats().samples);
@@ -157,13 +160,11 @@ mod tests {
     /// Whenever the device is lost, the images of the gates and their sum have the same iterations, and the program can write them.
     #[test]
     fn images_agree_whenever_the_device_is_lost() {
-        if !Device::open(None).expect("this test needs a Vulkan device").info().has_f64 {
-            return eprintln!("skipped: the device does not compute with 64 bits");
-        }
         let (mut failed, mut black) = (0, 0);
         for submits in 1.. {
-            let device = Device::open_with_drive(None, Some(Drive::CARD)).unwrap();
+            let Some(device) = card() else { return };
             let mut renderer = renderer(&device, true);
+            on_device(&renderer).copy_never();
             device.lose_after(submits);
             let iterations = Iterations {
                 schedule: Schedule::whole(Budget::Spp(8)),
@@ -199,10 +200,7 @@ mod tests {
     /// As when a lamp has left the scene.
     #[test]
     fn a_dark_iteration_adds_no_light() {
-        let device = Device::open_with_drive(None, Some(Drive::CARD)).expect("this test needs a Vulkan device");
-        if !device.info().has_f64 {
-            return eprintln!("skipped: the device does not compute with 64 bits");
-        }
+        let Some(device) = card() else { return };
         let [expected, found] = [false, true].map(|is_on_device| {
             let mut renderer = renderer(&device, is_on_device);
             renderer.iterate(2).unwrap();

@@ -6,7 +6,7 @@ use super::compaction::Compaction;
 use super::light::LightTracer;
 use super::photons::PhotonTracer;
 use super::plan::Plan;
-use super::responses::{DeviceFilm, on_device};
+use super::responses::on_device;
 use super::sensor::SensorTracer;
 use crate::error::Result;
 use crate::gpu::{Device, Kernel};
@@ -23,7 +23,7 @@ pub fn compile_all(device: &Device, plan: &Plan) -> Result<()> {
     let mut entries: Vec<(&'static str, &str)> = files.into_iter().map(|file| (file, file)).collect();
     entries.extend(Compaction::ENTRIES.map(|entry| (Compaction::FILE, entry)));
     if on_device::is_suited(device.info(), plan) {
-        entries.extend(DeviceFilm::ENTRIES);
+        entries.extend(on_device::ENTRIES);
     }
     let compile = |(file, entry)| Kernel::new(device, file, entry, &constants).map(drop);
     entries.into_par_iter().with_max_len(1).try_for_each(compile)

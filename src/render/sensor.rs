@@ -36,7 +36,7 @@ const SHADE: u32 = SHADE_LIST;
 const CANDIDATES: u32 = CANDIDATE_LIST;
 
 /// Number of workgroups per dispatch that every Vulkan device allows.
-const MIN_GROUP_LIMIT: u32 = 65_535;
+pub const MIN_GROUP_LIMIT: u32 = 65_535;
 
 /// Minimum number of shade points in a submit of queries. Larger batches are multiples of it, so they fill whole workgroups.
 const MIN_QUERY_BATCH: usize = 256;

@@ -1,11 +1,10 @@
 //! The images of several gates have the same bits whether the host keeps them or the device.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::cells::settings;
 use super::drive::open;
+use super::in_flight::iterate_for;
 use taugate::internals::generate::zoo::Light;
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::{Device, Drive};
@@ -162,14 +161,7 @@ fn an_abandoned_iteration_leaves_no_trace() {
     let mut renderer = renderer(&device, &scene, &settings, true);
     let (mut abandoned, mut pause) = (0, Duration::from_micros(100));
     while let Some(samples) = begin(&mut renderer, &all, Duration::ZERO) {
-        let stop = Arc::new(AtomicBool::new(false));
-        let is_complete = std::thread::scope(|scope| {
-            scope.spawn(|| {
-                std::thread::sleep(pause);
-                stop.store(true, Ordering::Relaxed);
-            });
-            renderer.iterate_unless(samples, &stop).unwrap()
-        });
+        let is_complete = iterate_for(&mut renderer, samples, pause);
         if !is_complete {
             abandoned += 1;
         }

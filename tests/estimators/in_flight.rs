@@ -200,6 +200,18 @@ fn a_budget_of_seconds_keeps_whole_iterations() {
     assert!(render(&mut renderer(Drive::CPU, 1, &scene, &settings), &whole).0 == found.0);
 }
 
+/// Renders an iteration that is abandoned after this time. Returns whether it was completed.
+pub fn iterate_for(renderer: &mut Renderer, samples: u32, time: Duration) -> bool {
+    let stop = Arc::new(AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(time);
+            stop.store(true, Ordering::Relaxed);
+        });
+        renderer.iterate_unless(samples, &stop).unwrap()
+    })
+}
+
 #[test]
 fn an_abandoned_iteration_leaves_no_trace_in_the_others() {
     let (scene, settings) = (build(Kind::Zoo(Light::Area)), adaptive());
@@ -209,15 +221,7 @@ fn an_abandoned_iteration_leaves_no_trace_in_the_others() {
     let (mut abandoned, mut pause) = (0, Duration::from_micros(100));
     while let Some(samples) = begin(&mut renderer, &whole, Duration::ZERO) {
         let before = renderer.rendered();
-        let stop = Arc::new(AtomicBool::new(false));
-        let is_complete = std::thread::scope(|scope| {
-            scope.spawn(|| {
-                std::thread::sleep(pause);
-                stop.store(true, Ordering::Relaxed);
-            });
-            renderer.iterate_unless(samples, &stop).unwrap()
-        });
-        if is_complete {
+        if iterate_for(&mut renderer, samples, pause) {
             pause = pause.div_f64(4.0);
         } else {
             (abandoned, pause) = (abandoned + 1, pause.mul_f64(1.5));

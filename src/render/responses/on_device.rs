@@ -1,5 +1,7 @@
 //! The images of several responses, kept by the device. The kernels are in `add_arrivals.wgsl` and `sum_responses.wgsl`. The host has a
-//! copy, which is made when somebody looks, and every few seconds for the case that the device is lost.
+//! copy, which is made when somebody looks, and from time to time for the case that the device is lost.
+
+mod objects;
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
@@ -9,19 +11,20 @@ use rayon::prelude::*;
 use super::weights::Weights;
 use super::{Arrival, Undone};
 use crate::error::Result;
-use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, DeviceInfo, Kernel, Recorder};
+use crate::gpu::{Bindings, Buffer, BufferDesc, BufferList, Device, DeviceInfo, Kernel, Recorder};
 use crate::image::response_film::ResponseFilm;
 use crate::render::compaction::indirect_over;
 use crate::render::plan::{Observe, Plan};
+use crate::render::sensor::MIN_GROUP_LIMIT;
 use crate::render::stats::Stats;
 use crate::wgsl::layout::{Dispatch, NONE, SensorContribution};
+pub use objects::ENTRIES;
+use objects::{Buffers, Objects, dispatch_over};
 
 /// Fewest pixels of images on the device. One thread adds the light of a pixel, so with fewer pixels the host is faster.
 const MIN_PIXELS: u64 = 1 << 10;
 /// The images take at most this part of the device's memory.
 const HEAP_PART: u64 = 4;
-/// Most workgroups of a dispatch that every device allows.
-const MAX_GROUPS: u32 = 65_535;
 /// The host copies the images when this many times the duration of the last copy has passed, and at least this time. Before the first copy,
 /// its duration follows from the bytes per second, of which a bus has at least so many.
 const PAUSE: u32 = 20;
@@ -84,58 +87,7 @@ struct LastCopy {
     took: Duration,
 }
 
-/// Kernels and buffers.
-struct Objects {
-    kernels: Kernels,
-    buffers: Buffers,
-    /// The splats of an iteration; it grows.
-    splats: Buffer,
-    recorder: Recorder,
-}
-
-struct Kernels {
-    arrivals: Arc<Kernel>,
-    splats: Kernel,
-    total: Kernel,
-    add: Kernel,
-    clear_present: Kernel,
-    clear_sums: Kernel,
-}
-
-struct Buffers<A: Allocate = Device> {
-    gates: A::Buffer,
-    present: A::Buffer,
-    sums: A::Buffer,
-    squares: A::Buffer,
-    total: A::ReadBack,
-}
-
-impl<A: Allocate> Buffers<A> {
-    fn new(to: &A, pixels: usize, gates: usize, has_variance: bool) -> Result<Buffers<A>> {
-        let remedy = "use a smaller --resolution or fewer gates";
-        let values = 3 * pixels * gates;
-        let of_images = |name, count| BufferDesc::of::<f64>(name, count, remedy);
-        Ok(Buffers {
-            gates: to.buffer(BufferDesc::of::<[f32; 2]>("gates", gates, remedy))?,
-            present: to.buffer(of_images("images of an iteration", values))?,
-            sums: to.buffer(of_images("images of gates", values))?,
-            squares: to.buffer(of_images("squares of gates", if has_variance { values } else { 0 }))?,
-            total: to.read_back(BufferDesc::of::<f32>("sums over gates", 3 * pixels, remedy))?,
-        })
-    }
-}
-
 impl DeviceFilm {
-    /// File and entry points of the kernels.
-    pub const ENTRIES: [(&str, &str); 6] = [
-        ("add_arrivals", "add_arrivals"),
-        ("add_arrivals", "add_splats"),
-        ("sum_responses", "total_responses"),
-        ("sum_responses", "add_responses"),
-        ("sum_responses", "clear_present"),
-        ("sum_responses", "clear_sums"),
-    ];
-
     /// Descriptors of the buffers, with variances.
     pub fn buffer_descs(plan: &Plan) -> Vec<BufferDesc> {
         BufferList::of(|list| Buffers::new(list, plan.image_pixels as usize, plan.responses.len(), true))
@@ -305,7 +257,7 @@ impl DeviceFilm {
         }
         buffer.write(0, &entries)?;
         let bound = k.splats.bind(&[&buffers.bindings()[..], &[("observed", buffer)]].concat())?;
-        let (count, groups) = (entries.len() as u32, k.splats.groups(entries.len()).min(MAX_GROUPS));
+        let (count, groups) = (entries.len() as u32, k.splats.groups(entries.len()).min(MIN_GROUP_LIMIT));
         recorder.dispatch("add_arrivals", &k.splats, &bound, &Dispatch { count, ..constants }, groups)
     }
 
@@ -349,65 +301,6 @@ impl DeviceFilm {
     fn last(&self) -> MutexGuard<'_, LastCopy> {
         self.last.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-impl Objects {
-    /// Objects whose images are those of `film`.
-    fn new(
-        device: &Device,
-        constants: &[(&'static str, f64)],
-        gates: &[[f32; 2]],
-        film: &ResponseFilm,
-    ) -> Result<Objects> {
-        let [arrivals, splats, total, add, clear_present, clear_sums] =
-            DeviceFilm::ENTRIES.map(|(file, entry)| Kernel::new(device, file, entry, constants));
-        let kernels = Kernels {
-            arrivals: arrivals?.into(),
-            splats: splats?,
-            total: total?,
-            add: add?,
-            clear_present: clear_present?,
-            clear_sums: clear_sums?,
-        };
-        let mut buffers: Buffers = Buffers::new(device, film.pixels(), gates.len(), film.has_variance())?;
-        buffers.gates.write(0, gates)?;
-        let splats = Buffer::new::<SensorContribution>(device, "splats", 1, "use fewer --splat-paths")?;
-        let mut objects = Objects { kernels, buffers, splats, recorder: Recorder::new(device)? };
-        let [sums, squares] = film.sums();
-        if film.length().1 > 0 {
-            objects.buffers.sums.write(0, sums)?;
-            objects.buffers.squares.write(0, squares)?;
-        } else {
-            objects.clear(sums.len(), film.has_variance())?;
-        }
-        Ok(objects)
-    }
-
-    /// Clears the images, of so many values.
-    fn clear(&mut self, values: usize, has_variance: bool) -> Result<()> {
-        let all = Dispatch { count: values as u32, counter: has_variance.into(), ..bytemuck::Zeroable::zeroed() };
-        dispatch_over(&mut self.recorder, &self.kernels.clear_sums, &self.buffers, all)?;
-        self.recorder.submit().map(drop)
-    }
-}
-
-impl Buffers {
-    fn bindings(&self) -> [(&str, &Buffer); 5] {
-        [
-            ("gates", &self.gates),
-            ("present", &self.present),
-            ("sums", &self.sums),
-            ("squares", &self.squares),
-            ("total", self.total.buffer()),
-        ]
-    }
-}
-
-/// Records a kernel whose threads take turns until all `constants.count` values are done.
-fn dispatch_over(recorder: &mut Recorder, kernel: &Kernel, buffers: &Buffers, constants: Dispatch) -> Result<()> {
-    let bound = kernel.bind(&buffers.bindings())?;
-    let groups = kernel.groups(constants.count as usize).min(MAX_GROUPS);
-    recorder.dispatch("add_responses", kernel, &bound, &constants, groups)
 }
 
 /// Adds the light of sensor subpaths to images on the device.
