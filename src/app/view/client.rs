@@ -49,10 +49,10 @@ const LARGE: usize = 1 << 20;
 const PULSE: Duration = Duration::from_secs(30);
 /// A page from which nothing comes for this time, not even answers to signs of life, is dropped.
 const SILENCE: Duration = Duration::from_secs(90);
-/// Messages per second that are read from a page, and how many may come at once. Further messages wait. A page sends up to 40 changes, and
-/// acknowledges up to 40 pictures.
-const RATE: f64 = 200.0;
-const BURST: f64 = 400.0;
+/// Messages per second that are read from a page, and how many may come at once. Further messages wait. A page that moves sends 33 changes,
+/// and acknowledges as many pictures.
+const RATE: f64 = 100.0;
+const BURST: f64 = 200.0;
 /// A page that sent more malformed messages than this is dropped.
 const MAX_MALFORMED: u32 = 20;
 /// Maximum number of answers queued for a page.
