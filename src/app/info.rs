@@ -146,6 +146,8 @@ struct Memory {
     device_bytes: u64,
     /// Estimated peak of the program's memory on the host.
     host_bytes: u64,
+    /// How many iterations host and device work on at a time.
+    in_flight: u32,
     heap_bytes: Option<u64>,
     largest: Vec<Part>,
     /// The error if a buffer does not fit on the device, with the remedy.
@@ -366,6 +368,7 @@ fn memory(plan: &MemoryPlan, device: Option<&DeviceInfo>) -> Memory {
         pool_bytes: sum(&plan.pool),
         device_bytes: plan.device_bytes(),
         host_bytes: plan.host_bytes,
+        in_flight: plan.in_flight,
         heap_bytes: device.map(|device| device.heap_bytes),
         largest: plan.largest().iter().take(LARGEST).map(part).collect(),
         problem: device.and_then(|device| plan.check(device).err()).map(|error| error.to_string()),

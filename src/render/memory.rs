@@ -69,6 +69,8 @@ pub struct MemoryPlan {
     pub pool: Vec<BufferDesc>,
     /// Estimate of the program's maximum memory. Includes the buffers if the device is the CPU.
     pub host_bytes: u64,
+    /// Number of iterations in flight.
+    pub in_flight: u32,
     /// Buffers whose size is known before the first light path, for [`MemoryPlan::check`].
     certain: Vec<BufferDesc>,
     plan: Plan,
@@ -108,7 +110,10 @@ impl MemoryPlan {
         let copies: u64 = iteration.iter().filter(|desc| desc.read_back).map(|desc| desc.bytes).sum();
         let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
         // Each iteration in flight has an image and light vertices on the host.
-        let pools = u64::from(info.drive.in_flight);
+        let of_iteration = VERTEX_BYTES * u64::from(vertices) + IMAGE_BYTES * plan.crop_pixels;
+        let in_flight = in_flight(info.drive.in_flight, of_iteration, free_memory::free());
+        plan.tuning.in_flight = Some(in_flight);
+        let pools = u64::from(in_flight);
         let adaptive = if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 };
         let kept = if plan.tuning.device_film == Some(true) { FILM_BYTES + adaptive } else { 0 };
         let pixels = (PIXEL_BYTES + adaptive + kept + (pools - 1) * IMAGE_BYTES) * plan.crop_pixels;
@@ -116,7 +121,7 @@ impl MemoryPlan {
             + scene_bytes(scene)
             + (BUILD_BYTES * triangles).max(flat + on_host + pixels + pools * VERTEX_BYTES * u64::from(vertices));
         let certain = certain_buffers(info, &plan, prepared);
-        Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, certain, plan })
+        Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, in_flight, certain, plan })
     }
 
     /// Total bytes on the device.
@@ -159,6 +164,12 @@ impl Renderer {
         let size = [memory.plan.crop.width(), memory.plan.crop.height()];
         Renderer::from_plan(device, memory.plan, size, scene, prepared)
     }
+}
+
+/// How many iterations are in flight: those of the device, but one if another one would take a quarter of the `free` bytes.
+fn in_flight(of_device: u32, bytes: u64, free: Option<u64>) -> u32 {
+    let fits = free.is_none_or(|free| bytes <= free / 4);
+    if fits { of_device } else { 1 }
 }
 
 /// Descriptors of all buffers whose size is known before the first light path is traced. For the pool this is the minimum size.
@@ -220,6 +231,12 @@ fn sum(buffer_descs: &[BufferDesc]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_iteration_is_in_flight_if_another_one_does_not_fit() {
+        assert_eq!([None, Some(4000), Some(3999)].map(|free| in_flight(2, 1000, free)), [2, 2, 1]);
+        assert_eq!(in_flight(1, 0, None), 1);
+    }
 
     #[test]
     fn a_scene_that_needs_more_memory_than_is_free_is_refused_with_its_count() {

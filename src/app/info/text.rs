@@ -95,12 +95,13 @@ fn add_memory(lines: &mut Lines, render: &Render) {
     lines.line(
         "memory",
         format!(
-            "{} on the device (scene {}, working buffers {}, light vertices about {}); about {} on the host",
+            "{} on the device (scene {}, working buffers {}, light vertices about {}); about {} on the host{}",
             mebibytes(m.device_bytes),
             mebibytes(m.scene_bytes),
             mebibytes(m.iteration_bytes),
             mebibytes(m.pool_bytes),
-            mebibytes(m.host_bytes)
+            mebibytes(m.host_bytes),
+            if m.in_flight == 2 { ", with two iterations at a time" } else { "" }
         ),
     );
     for part in &m.largest {
