@@ -34,7 +34,7 @@ def test_the_camera_is_turned_moved_and_reset(tmp_path):
 
         # Waits for the full image, which comes after the previews.
         page.picture_after(page.revision() - 1, 32)
-        page.until("/^[1-9][0-9]* %$/.test(document.getElementById('device-share').textContent)")
+        page.until("/^[1-9][0-9]* % . [0-9]+ %$/.test(document.getElementById('device-share').textContent)")
         page.pause()
         saved = page.save(viewer, "turned")
         command = page.run(f"return {COMMAND}")
