@@ -166,7 +166,7 @@ impl Renderer {
     }
 }
 
-/// How many iterations are in flight: those of the device, but one if another one would take a quarter of the `free` bytes.
+/// How many iterations are in flight. A second one, which takes so many `bytes`, must leave three quarters of the `free` ones.
 fn in_flight(of_device: u32, bytes: u64, free: Option<u64>) -> u32 {
     let fits = free.is_none_or(|free| bytes <= free / 4);
     if fits { of_device } else { 1 }

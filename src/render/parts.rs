@@ -84,9 +84,12 @@ impl Renderer {
     /// device is lost, goes back to what the host has of the images, even if no iteration has begun.
     pub(crate) fn abandon(&mut self) {
         let begun = self.begun.take();
-        if begun.is_some() || self.device.is_lost() {
-            self.stats = begun.map_or(self.stats.clone(), |begun| begun.before);
-            self.restore_images();
+        if begun.is_none() && !self.device.is_lost() {
+            return;
         }
+        if let Some(begun) = begun {
+            self.stats = begun.before;
+        }
+        self.restore_images();
     }
 }

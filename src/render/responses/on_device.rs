@@ -21,7 +21,7 @@ use crate::wgsl::layout::{Dispatch, NONE, SensorContribution};
 pub use objects::ENTRIES;
 use objects::{Buffers, Objects, dispatch_over};
 
-/// Fewest pixels of images on the device. One thread adds the light of a pixel, so with fewer pixels the host is faster.
+/// Fewest pixels of images on the device. One thread adds the light of a pixel, so fewer would leave most of a card idle (not measured).
 const MIN_PIXELS: u64 = 1 << 10;
 /// The images take at most this part of the device's memory.
 const HEAP_PART: u64 = 4;
